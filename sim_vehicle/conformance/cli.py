@@ -9,7 +9,13 @@ from rich.console import Console
 
 from sim_vehicle.conformance.guard import ALTER, ARM, CRASH, REBOOT
 from sim_vehicle.conformance.registry import select
-from sim_vehicle.conformance.report import as_json, describe_vehicle, list_checks, matrix, print_result
+from sim_vehicle.conformance.report import (
+    as_json,
+    check_tables,
+    describe_vehicle,
+    print_result,
+    result_tables,
+)
 from sim_vehicle.conformance.runner import RunReport, granted_permissions, run
 from sim_vehicle.conformance.sockets import open_wire
 from sim_vehicle.conformance.traffic import WireError
@@ -71,7 +77,7 @@ def conformance(
     try:
         checks = select(only or [])
         if list_only:
-            console.print(list_checks(checks))
+            console.print(check_tables(checks))
             return
         if url is None:
             raise typer.BadParameter("a URL is needed, for example udpin:0.0.0.0:14550", param_hint="URL")
@@ -112,7 +118,7 @@ def _usage(error: Exception) -> typer.Exit:
 
 
 def _report(console: Console, report: RunReport, url: str, json_file: Path | None) -> None:
-    console.print(matrix(report))
+    console.print(result_tables(report))
     if json_file is not None:
         try:
             json_file.write_text(as_json(report, url) + "\n", encoding="utf-8")

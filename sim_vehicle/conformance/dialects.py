@@ -64,12 +64,10 @@ class Dialect:
     real_parameters: tuple[tuple[str, float], ...] = ()
     refusal: str | None = None  # MAV_RESULT of a refused arming, and of a refused disarming in flight
     home_item: bool = False  # True: item 0 of a mission is home
-    streams_unrequested: bool | None = None  # True: telemetry flows without a request
-    logs: bool = False  # True: flight logs can be downloaded
     battery_parameter: str | None = None  # name of the parameter with the battery's capacity [mAh]
 
     @property
-    def known(self) -> bool:
+    def is_known(self) -> bool:
         return self.name != "mavlink"
 
 
@@ -96,8 +94,6 @@ _ARDUPILOT = Dialect(
     sysid_parameters=("SYSID_THISMAV", "MAV_SYSID"),
     refusal="FAILED",
     home_item=True,
-    streams_unrequested=False,
-    logs=True,
     battery_parameter="BATT_CAPACITY",
 )
 ARDUCOPTER = replace(
@@ -122,8 +118,6 @@ PX4 = Dialect(
     integer_parameters=(("NAV_DLL_ACT", 1), ("COM_LOW_BAT_ACT", 1)),
     real_parameters=(("RTL_RETURN_ALT", 61.25), ("MIS_TAKEOFF_ALT", 3.75)),
     refusal="TEMPORARILY_REJECTED",
-    streams_unrequested=True,
-    logs=True,
     battery_parameter="BAT1_CAPACITY",
 )
 GENERIC = Dialect("mavlink", MappingProxyType({}))

@@ -15,7 +15,7 @@ from sim_vehicle.station import messages
 AIRBORNE_M = 3.0  # an armed vehicle above this height flies
 HEIGHT_M, PLANE_HEIGHT_M = 20.0, 50.0  # height of the take-off above home
 READY_S, CLIMB_S, LAND_S = 150.0, 90.0, 240.0  # longest times until ready, at height, landed
-PREARM_BIT = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
+PREARM_BIT = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 HEARTBEAT_LAG_S = 2.5  # longest time until a heartbeat shows a change
 REPOSITION_CHANGES_MODE = 1  # MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
 FLIGHT_RATES_HZ = {"GLOBAL_POSITION_INT": 5.0, "EXTENDED_SYS_STATE": 5.0, "MISSION_CURRENT": 2.0}
@@ -107,8 +107,8 @@ def wait_until_armed(vehicle: VehicleUnderTest, within_s: float = HEARTBEAT_LAG_
     return vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", within_s)
 
 
-def wait_until_disarmed(vehicle: VehicleUnderTest) -> float:
-    return vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", HEARTBEAT_LAG_S)
+def wait_until_disarmed(vehicle: VehicleUnderTest, within_s: float = HEARTBEAT_LAG_S) -> float:
+    return vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", within_s)
 
 
 def wait_until_landed(vehicle: VehicleUnderTest, within_s: float = LAND_S) -> float:

@@ -33,7 +33,7 @@ def describe_counts(results: Iterable[CheckResult]) -> str:
     return ", ".join(f"{count} {outcome.value}" for outcome, count in counts.items() if count) or "none"
 
 
-def matrix(report: RunReport) -> Group:
+def result_tables(report: RunReport) -> Group:
     """Return the results of a run as tables by category, with counts."""
     parts: list[Any] = []
     for category, group in groupby(report.results, key=lambda result: result.check.category):
@@ -71,7 +71,7 @@ def _printable(text: str) -> str:
     return "".join(character if character.isprintable() else " " for character in text)
 
 
-def list_checks(checks: Iterable[Check]) -> Group:
+def check_tables(checks: Iterable[Check]) -> Group:
     """Return the checks as tables by category: name, statement, conditions."""
     parts: list[Any] = []
     total = 0

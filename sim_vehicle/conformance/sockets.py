@@ -1,6 +1,7 @@
 """Links to a vehicle over UDP, TCP or a serial port, with the suite's only clock of wall time."""
 
 import contextlib
+import os
 import select
 import socket
 import time
@@ -147,7 +148,13 @@ class _StreamWire(_TimedWire):
 
     def _read(self, within_s: float) -> bytes | None:
         """Return the next bytes within a time [s of wall time], or None; raise OSError if it ended."""
-        raise NotImplementedError
+        ready, _, _ = select.select([self._stream], [], [], within_s)
+        if not ready:
+            return None
+        data = os.read(self._stream.fileno(), DATAGRAM_BYTES)
+        if not data:
+            raise ConnectionResetError
+        return data
 
     def send(self, data: bytes) -> None:
         if self._stream is not None:
@@ -209,15 +216,6 @@ class TcpWire(_StreamWire):
     def _write(self, data: bytes) -> None:
         self._stream.sendall(data)
 
-    def _read(self, within_s: float) -> bytes | None:
-        ready, _, _ = select.select([self._stream], [], [], within_s)
-        if not ready:
-            return None
-        data: bytes = self._stream.recv(DATAGRAM_BYTES)
-        if not data:
-            raise ConnectionResetError
-        return data
-
     def close(self) -> None:
         super().close()
         if self._listener is not None:
@@ -240,11 +238,6 @@ class SerialWire(_StreamWire):
 
     def _write(self, data: bytes) -> None:
         self._stream.write(data)
-
-    def _read(self, within_s: float) -> bytes | None:
-        self._stream.timeout = within_s
-        first: bytes = self._stream.read(1)
-        return first + self._stream.read(self._stream.in_waiting) if first else None
 
 
 def _source(data: bytes) -> int | None:

@@ -184,7 +184,7 @@ def idle_disarms(vehicle: VehicleUnderTest) -> str:
     if delay_s is None or not 0 < delay_s < 60:
         raise Skip(f"{parameter} is {delay_s}; the check needs a delay between 0 and 60 s")
     flying.arm(vehicle)
-    took_s = vehicle.wait_until(lambda: not vehicle.armed, "an automatic disarming", delay_s + 5.0)
+    took_s = flying.wait_until_disarmed(vehicle, delay_s + 5.0)
     near(took_s, delay_s, 3.0, "seconds until disarmed")
     return f"after {took_s:.1f} s"
 

@@ -103,7 +103,7 @@ def setpoint_times_out(vehicle: VehicleUnderTest) -> str:
     with vehicle.known(ardupilot=nullcontext(), px4=parameters.changed(vehicle, "COM_OBL_RC_ACT", 5)):
         _follow_setpoints(vehicle)
         _stream_velocity(vehicle, 3.0, 4.0)
-        took_s = vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.7, "a stop", MAX_STOP_S)
+        took_s = flying.wait_until_still(vehicle, MAX_STOP_S, 0.7)
         return f"after {took_s:.1f} s"
 
 

@@ -20,7 +20,7 @@ DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95\x80", b"ULog\x01\x12\x35"
 def _entries(vehicle: VehicleUnderTest) -> dict[int, Any]:
     """Return LOG_ENTRY by log id.
 
-    Without an answer: raise CheckFailed if the autopilot is known to serve logs (`dialect.logs`), else Skip.
+    Without an answer: raise CheckFailed if the autopilot is known, else Skip.
     """
     mark = vehicle.mark()
     for _ in range(3):
@@ -28,7 +28,7 @@ def _entries(vehicle: VehicleUnderTest) -> dict[int, Any]:
         if vehicle.wait_for("LOG_ENTRY", within_s=LIST_S, mark=mark) is not None:
             break
     else:
-        if vehicle.dialect.logs:
+        if vehicle.dialect.is_known:
             raise CheckFailed("expected LOG_ENTRY for LOG_REQUEST_LIST, saw none")
         raise Skip("the vehicle does not answer LOG_REQUEST_LIST")
     total = vehicle.since(mark, "LOG_ENTRY")[0].num_logs

@@ -42,7 +42,7 @@ def _require(vehicle: VehicleUnderTest, kind: str) -> None:
 def _sends_on_request(vehicle: VehicleUnderTest, kind: str) -> str:
     flying.wait_ready(vehicle)
     # The known autopilots send all messages of `REQUESTED`, but HOME_POSITION only with a home.
-    if vehicle.dialect.known and kind != "HOME_POSITION":
+    if vehicle.dialect.is_known and kind != "HOME_POSITION":
         _require(vehicle, kind)
     else:
         vehicle.request(kind)
@@ -144,8 +144,7 @@ def stops(vehicle: VehicleUnderTest) -> str:
 @check("messages.interval.default")
 def default(vehicle: VehicleUnderTest) -> str:
     """An interval of 0 restores the default rate."""
-    if vehicle.dialect.streams_unrequested is None:
-        raise Skip("the default rates of this autopilot are not known")
+    streams_unrequested = vehicle.known(ardupilot=False, px4=True)
     default_hz = _rate_hz(vehicle, "ATTITUDE", 3.0)
     other_hz = 10.0 if default_hz < 5.0 else 2.0
     seen_hz = _requested_rate_hz(vehicle, "ATTITUDE", other_hz, 3.0)
@@ -153,7 +152,7 @@ def default(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(0.5)
     after_hz = _rate_hz(vehicle, "ATTITUDE", 3.0)
     near(after_hz, default_hz, max(0.3 * default_hz, 0.7), "messages a second afterwards")
-    holds(after_hz > 0 or not vehicle.dialect.streams_unrequested, "expected the default stream, saw none")
+    holds(after_hz > 0 or not streams_unrequested, "expected the default stream, saw none")
     return f"{default_hz:.1f} Hz, {seen_hz:.1f} Hz, {after_hz:.1f} Hz"
 
 

@@ -129,7 +129,7 @@ def auto_mode_does_not_take_off(vehicle: VehicleUnderTest) -> str:
     flying.set_mode(vehicle, "mission")
     vehicle.wait(5.0)
     holds(flying.height_m(vehicle) < 1.0, f"the vehicle took off: {flying.height_m(vehicle):.1f} m")
-    took_s = vehicle.wait_until(lambda: not vehicle.armed, "an automatic disarming", 20)
+    took_s = flying.wait_until_disarmed(vehicle, 20)
     return f"disarmed after {took_s + 5:.0f} s"
 
 

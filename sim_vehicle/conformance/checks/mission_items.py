@@ -35,7 +35,7 @@ def current_total(vehicle: VehicleUnderTest) -> str:
     """MISSION_CURRENT.total is the number of items without home; an unknown autopilot may report 0."""
     n_items = len(plans.store_sample(vehicle)) - int(vehicle.dialect.home_item)
     total = _current(vehicle).total
-    if not vehicle.dialect.known and total == 0:
+    if not vehicle.dialect.is_known and total == 0:
         return "not reported"
     return str(equal(total, n_items, "total"))
 
