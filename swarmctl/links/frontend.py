@@ -105,7 +105,7 @@ class FrontEnd:
         await self._shared.forwarder.add(ForwardTarget(endpoint, self._transport(endpoint), on_frame))
 
     def _from_station(self, frame: Frame, where: str) -> None:
-        if why := self._shared.guard.why_not(frame.data):
+        if why := self._shared.guard.why_not(frame):
             if text := self._refusals.of_stranger(frame.sysid, why, where, asyncio.get_running_loop().time()):
                 self._say(f"other stations: {text}")
             return

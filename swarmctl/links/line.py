@@ -235,7 +235,7 @@ class Line:
         """Take bytes from the transport: find frames, check signatures, copy to stations, deliver."""
         now = asyncio.get_running_loop().time()
         for frame in self._splitter(address).feed(data):
-            if why_not := self._shared.guard.why_not(frame.data):
+            if why_not := self._shared.guard.why_not(frame):
                 self._refuse(frame, address, why_not, now)
                 continue
             self._shared.forwarder.send(frame.data)

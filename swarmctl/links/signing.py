@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
 
-from swarmctl.mavlink.protocol.codec import Signature
+from swarmctl.mavlink.protocol.codec import SIGNATURE_BYTES, Frame, Signature
 from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID
 
 KEY_BYTES = 32
@@ -44,10 +44,6 @@ LATE = "older than a minute"
 AHEAD = "more than a day ahead of this machine's clock"
 UNSIGNED_ALLOWED = frozenset({109, 166})
 """RADIO_STATUS and RADIO: messages of a telemetry radio, which has no key"""
-
-_MAVLINK_2 = 0xFD
-_SIGNED_FLAG = 0x01
-_SIGNATURE_BYTES = 13
 
 
 class TimestampStore(Protocol):
@@ -131,20 +127,21 @@ class Signing:
             self._reserve()
         return Signature(self._key, (self._first_link_id + line) % 256, self._last)
 
-    def why_not(self, frame: bytes, clock: int) -> str:
+    def why_not(self, frame: Frame, clock: int) -> str:
         """Return the reason for refusing a frame with a right checksum; empty if the frame is accepted."""
         why = self._fault(frame, clock)
         if why:
             self.refused[why] += 1
         return why
 
-    def _fault(self, frame: bytes, clock: int) -> str:
-        if frame[0] != _MAVLINK_2 or not frame[2] & _SIGNED_FLAG:
-            return "" if _message_id(frame) in UNSIGNED_ALLOWED else UNSIGNED
-        if not hmac.compare_digest(hashlib.sha256(self._key + frame[:-6]).digest()[:6], frame[-6:]):
+    def _fault(self, frame: Frame, clock: int) -> str:
+        if not frame.signed:
+            return "" if frame.msgid in UNSIGNED_ALLOWED else UNSIGNED
+        data = frame.data
+        if not hmac.compare_digest(hashlib.sha256(self._key + data[:-6]).digest()[:6], data[-6:]):
             return OTHER_KEY
-        stream = (frame[-_SIGNATURE_BYTES], frame[5], frame[6])
-        timestamp = int.from_bytes(frame[-12:-6], "little")
+        stream = (data[-SIGNATURE_BYTES], frame.sysid, frame.compid)
+        timestamp = int.from_bytes(data[-12:-6], "little")
         last = self._streams.get(stream)
         # Timestamps of earlier runs raise the limit: the clock may have been ahead in those runs.
         if timestamp > max(clock, self._last_at_start) + MAX_AHEAD_TICKS:
@@ -200,7 +197,7 @@ class SigningGuard:
     def sign(self, line: int) -> Signature | None:
         return None if self.signing is None else self.signing.sign(line, ticks(self._wall_time_us()))
 
-    def why_not(self, frame: bytes) -> str:
+    def why_not(self, frame: Frame) -> str:
         """Return the reason for refusing a frame; empty if the frame is accepted."""
         return "" if self.signing is None else self.signing.why_not(frame, ticks(self._wall_time_us()))
 
@@ -212,10 +209,6 @@ class SigningGuard:
         refused = ", ".join(f"{n} {why}" for why, n in sorted(self.signing.refused.items()))
         counts = f"frames refused by links.signing_key: {refused} [frames-refused]" if refused else ""
         return "; ".join(text for text in (counts, self.signing.trouble) if text)
-
-
-def _message_id(frame: bytes) -> int:
-    return int.from_bytes(frame[7:10], "little") if frame[0] == _MAVLINK_2 else frame[5]
 
 
 REPORT_PERIOD_S = 60.0

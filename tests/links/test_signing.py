@@ -28,7 +28,7 @@ from swarmctl.links.signing import (
     Signing,
     ticks,
 )
-from swarmctl.mavlink.protocol.codec import Encoder
+from swarmctl.mavlink.protocol.codec import Encoder, Frame
 from swarmctl.security.files import KeyringError
 from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
 
@@ -73,7 +73,8 @@ def signing(**more: Any) -> Signing:
     return Signing(KEY, MemoryStore(), **more)
 
 
-def accepts(ours: Signing, frame: bytes, clock: int) -> bool:
+def accepts(ours: Signing, data: bytes, clock: int) -> bool:
+    frame = Frame(data, data[5], data[6], int.from_bytes(data[7:10], "little"))
     return not ours.why_not(frame, clock)
 
 

@@ -22,7 +22,7 @@ _V1_MAGIC, _V2_MAGIC = 0xFE, 0xFD
 _V1_OVERHEAD_BYTES, _V2_OVERHEAD_BYTES = 8, 12
 _V1_HEADER_BYTES, _V2_HEADER_BYTES = 6, 10
 _SIGNED_FLAG = 0x01
-_SIGNATURE_BYTES = 13
+SIGNATURE_BYTES = 13
 _LOG_TIME_BYTES = 8
 _CRC_EXTRA: dict[int, int] = {msgid: kind.crc_extra for msgid, kind in mavlink.mavlink_map.items()}
 
@@ -39,6 +39,10 @@ class Frame(NamedTuple):
     def known(self) -> bool:
         """Return whether the dialect has the message; checksum and header of other frames are unverified."""
         return self.msgid in _CRC_EXTRA
+
+    @property
+    def signed(self) -> bool:
+        return self.data[0] == _V2_MAGIC and bool(self.data[2] & _SIGNED_FLAG)
 
     @property
     def from_autopilot(self) -> bool:
@@ -83,7 +87,7 @@ class FrameSplitter:
 
 def _has_right_checksum(frame: Frame) -> bool:
     data = frame.data
-    end = len(data) - (_SIGNATURE_BYTES if data[0] == _V2_MAGIC and data[2] & _SIGNED_FLAG else 0)
+    end = len(data) - (SIGNATURE_BYTES if frame.signed else 0)
     crc = mavlink.x25crc(data[1 : end - 2] + bytes((_CRC_EXTRA[frame.msgid],))).crc
     return bool(crc == data[end - 2] | data[end - 1] << 8)
 
@@ -125,7 +129,7 @@ def _frame_length(buffer: bytes | bytearray, at: int) -> int | None:
         return None
     if buffer[at] == _V1_MAGIC:
         return buffer[at + 1] + _V1_OVERHEAD_BYTES
-    return buffer[at + 1] + _V2_OVERHEAD_BYTES + (_SIGNATURE_BYTES if buffer[at + 2] & _SIGNED_FLAG else 0)
+    return buffer[at + 1] + _V2_OVERHEAD_BYTES + (SIGNATURE_BYTES if buffer[at + 2] & _SIGNED_FLAG else 0)
 
 
 def _may_end_at(buffer: bytearray, end: int) -> bool:
