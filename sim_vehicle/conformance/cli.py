@@ -81,7 +81,7 @@ def conformance(
             return
         if url is None:
             raise typer.BadParameter("a URL is needed, for example udpin:0.0.0.0:14550", param_hint="URL")
-        wire = open_wire(parse_url(url), speedup=speedup)
+        wire = open_wire(parse_url(url), speedup)
     except (ValueError, UrlError, WireError) as error:
         raise _usage(error) from error
     with contextlib.closing(wire):

@@ -13,7 +13,7 @@ from sim_vehicle.station.frames import STATION, Sender, Source
 LONGEST_FRAME = 280  # bytes of a signed MAVLink 2 frame
 
 
-def messages_in(data: bytes, begin: int = 0) -> Iterator[Any]:
+def messages_in(data: bytes, begin: int) -> Iterator[Any]:
     """Yield each known message that has a correct checksum and ends after the index `begin`.
 
     A receiver may start reading at any byte. The search therefore tries every byte, and also finds a frame

@@ -249,7 +249,7 @@ def _source(data: bytes) -> int | None:
     return None
 
 
-def open_wire(url: Url, *, speedup: float = 1.0) -> Wire:
+def open_wire(url: Url, speedup: float) -> Wire:
     """Open the wire for a URL; raise WireError if the URL cannot be opened."""
     if url.is_serial:
         return SerialWire(url.host, url.port, speedup)

@@ -330,13 +330,13 @@ def scenario_for(
     count: int,
     *,
     seed: int,
-    personality: str = "ardupilot",
-    kind: str = "copter",
-    faults: Sequence[str] = (),
-    params: Mapping[str, float] | None = None,
-    home: tuple[float, float, float] = HOME,
-    wind: Mapping[str, float] | None = None,
-    scenario: Scenario | Path | str | None = None,
+    personality: str,
+    kind: str,
+    faults: Sequence[str],
+    params: Mapping[str, float] | None,
+    home: tuple[float, float, float],
+    wind: Mapping[str, float] | None,
+    scenario: Scenario | Path | str | None,
 ) -> Scenario:
     """Return the scenario of `swarm(...)`; a given scenario replaces count, personality, kind and home.
 

@@ -119,7 +119,7 @@ def test_an_interrupted_scenario_writes_no_verdict(number: signal.Signals, tmp_p
 def test_a_returning_serial_device_is_opened_again(tmp_path: Path) -> None:
     device = SerialDevice(tmp_path / "device")
     end = device.plug_in()
-    wire = open_wire(parse_url(f"serial:{device.name}:57600"))
+    wire = open_wire(parse_url(f"serial:{device.name}:57600"), 1.0)
     with contextlib.closing(wire):
         os.write(end, b"before")
         assert wire.receive(LIMIT_S) == b"before"
