@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import msgspec
@@ -146,17 +146,14 @@ def timed_track(
     begin_s = 0.0
     for leg, (a, b) in zip(legs, pairwise(corners), strict=True):
         end_s, from_m = begin_s + leg.duration_s, at_m[-1]
-        up_s = begin_s + leg.settle_s + (leg.top_m_s - leg.begin_m_s) / ACCELERATION_M_S2
-        down_s = end_s - (leg.top_m_s - leg.end_m_s) / BRAKING_M_S2
-        for on_m, on_s in ((leg.up_m, up_s), (leg.length_m - leg.down_m, down_s)):
-            is_later = each_s[-1] + LEAST_RAMP_S < on_s < end_s - LEAST_RAMP_S
-            is_farther = LEAST_RAMP_M < on_m < leg.length_m - LEAST_RAMP_M
-            if is_later and is_farther and begin_s <= ramps_s:
+        for on_m, on_s, at_m_s in leg.ramps() if begin_s <= ramps_s else ():
+            is_later = each_s[-1] + LEAST_RAMP_S < begin_s + on_s < end_s - LEAST_RAMP_S
+            if is_later and 0.0 <= on_m < leg.length_m - LEAST_RAMP_M:
                 share = on_m / leg.length_m
                 points.append((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
                 at_m.append(from_m + on_m)
-                each_s.append(on_s)
-                speeds_m_s.append(leg.top_m_s)
+                each_s.append(begin_s + on_s)
+                speeds_m_s.append(at_m_s)
         points.append(b)
         at_m.append(from_m + leg.length_m)
         each_s.append(end_s)
@@ -185,6 +182,24 @@ class _Leg(msgspec.Struct, frozen=True):
         level_m = max(self.length_m - self.up_m - self.down_m, 0.0)
         level_s = level_m / self.top_m_s if self.top_m_s > 0.0 else 0.0
         return self.settle_s + up_m_s / ACCELERATION_M_S2 + level_s + down_m_s / BRAKING_M_S2
+
+    def ramps(self) -> Iterator[tuple[float, float, float]]:
+        """Yield points of the leg in order: distance [m] and time [s] from its begin, and speed [m/s].
+
+        They are the end of the delay of a start from a stand, and the middles and inner ends of speeding up
+        and braking.
+        """
+        if self.begin_m_s < STARTED_M_S:
+            yield 0.0, self.settle_s, self.begin_m_s
+        up_m_s, down_m_s = self.top_m_s - self.begin_m_s, self.top_m_s - self.end_m_s
+        for share in (0.5, 1.0):
+            speed_m_s = self.begin_m_s + share * up_m_s
+            on_m = (speed_m_s**2 - self.begin_m_s**2) / (2 * ACCELERATION_M_S2)
+            yield on_m, self.settle_s + share * up_m_s / ACCELERATION_M_S2, speed_m_s
+        for share in (1.0, 0.5):
+            speed_m_s = self.end_m_s + share * down_m_s
+            left_m = (speed_m_s**2 - self.end_m_s**2) / (2 * BRAKING_M_S2)
+            yield self.length_m - left_m, self.duration_s - share * down_m_s / BRAKING_M_S2, speed_m_s
 
     def last_s(self, last_m: float) -> float:
         """Return the time for the last metres of a leg that ends in a stop [s]."""
