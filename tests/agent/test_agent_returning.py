@@ -462,7 +462,7 @@ def test_an_ordered_landing_waits_for_a_vehicle_below() -> None:
     ("first", "home", "then"),
     [
         ({}, {}, RETURN),
-        ({"returns_to": (LAT_DEG, LON_DEG), "phase": "leaving"}, {}, LAND),
+        ({"returns_to": (LAT_DEG, LON_DEG), "phase": "leaving"}, {}, RETURN),
         ({}, {"home_lat_deg": None, "home_lon_deg": None}, LAND),
     ],
     ids=["way home clear", "another vehicle returns first", "home unknown"],

@@ -203,9 +203,13 @@ def _outcome_with(state: AgentState, text: str) -> str:
 
 
 def _may_return_instead(state: AgentState) -> bool:
-    """Return whether a return is clear, and no rule demands that the vehicle lands."""
-    must_land = any(demand is not None and demand.kind is DemandKind.LAND for demand in state.demands)
-    return not must_land and bool(return_flights(state)) and is_way_clear(state, ev.FlightOrder.RETURN)
+    """Return whether the way home is clear, and no rule demands that the vehicle lands.
+
+    It need not be the vehicle's turn: the other choice is a landing with a vehicle below.
+    """
+    if hears_nobody(state) or any(demand and demand.kind is DemandKind.LAND for demand in state.demands):
+        return False
+    return bool(flights := return_flights(state)) and not _leaving_conflicts(state, flights)
 
 
 def _land_here(state: AgentState, wait: Wait, **changes: Any) -> StepResult:
