@@ -77,12 +77,13 @@ def test_a_returning_vehicle_tells_that_it_cannot_climb_out_of_the_way() -> None
     assert codes(story.at(130.0, mode="RTL", mode_role="return")) == ["alarm-cannot-yield"]
 
 
-def test_a_vehicle_that_climbs_stops_at_its_last_moment() -> None:
+@pytest.mark.parametrize("hovers", [True, False])
+def test_a_vehicle_that_climbs_stops_at_its_last_moment(hovers: bool) -> None:
     """The vehicle ahead does not move, and its height has no room above it."""
     story = ApproachStory(action="climb", fence=Fence((), 36.0))
     stops = []
     for east_m in range(100, 220, 10):
-        story.other(1, 230.0, MID_M[1], (0.0, 0.0, 0.0), phase="holding")
+        story.other(1, 230.0, MID_M[1], (0.0, 0.0, 0.0), phase="holding", hovers=hovers)
         stops += [east_m] * (orders(story.at(float(east_m))) == [ev.FlightOrder.HOLD])
     assert 40.0 < 230.0 - stops[0] < 90.0
 

@@ -20,6 +20,18 @@ def test_a_vehicle_stops_in_time_if_its_follower_can_stop_too() -> None:
     raise AssertionError("the vehicle does not stop")
 
 
+@pytest.mark.parametrize(("ahead_m_s", "then"), [(10.0, []), (7.0, [ev.FlightOrder.HOLD])])
+def test_a_vehicle_keeps_far_enough_behind_another_one_to_stop_if_that_one_stops(
+    ahead_m_s: float, then: list[ev.FlightOrder]
+) -> None:
+    """The other one announces a flight that leads away from this vehicle faster than this vehicle flies."""
+    story, ahead_m = ApproachStory(), 138.0
+    path = intent_path((0.0, ahead_m, MID_M[1], AMSL_M), (30.0, ahead_m + 360.0, MID_M[1], AMSL_M))
+    story.tell(intents=((1, 0.0, IntentShared(1, path)),))
+    story.other(1, ahead_m, MID_M[1], (ahead_m_s, 0.0, 0.0))
+    assert orders(story.at(110.0)) == then
+
+
 def test_a_vehicle_does_not_stop_where_a_faster_one_is_about_to_pass_by_its_announced_flight() -> None:
     story, east_m = ApproachStory(), 150.0
     story.other(1, east_m - 35.0, MID_M[1] + 9.0, (14.0, -1.8, 0.0))

@@ -4,7 +4,8 @@ All other layers decide earlier, by plans. This layer acts when those decisions 
 vehicle follows closely, has just changed its plan, or is late. Both vehicles compare the same flights: each
 one's plan, each one's present velocity, and each one's stop. A vehicle whose stop does not help cannot give
 way in time, so the other one stops; otherwise the rule of `priority` decides. A vehicle with priority stops,
-too, when its last moment for a stop has come.
+too, when its last moment for a stop has come. A vehicle also keeps so far behind a copter that it can stop if
+that one stops.
 
 | the vehicle | waits for | goes on |
 |---|---|---|
@@ -62,7 +63,7 @@ REACTS_S = 1.5
 DECIDES_WITHIN_S = 1.0
 """Time before the last moment for a stop in which the rule of priority decides [s]."""
 LIKELY_REACTION_S, LIKELY_BRAKING_M_S2 = 0.75, 2.6
-"""Probable time to the start of braking [s], and deceleration: with them two flights are compared."""
+"""Probable time to the start of braking [s], and deceleration."""
 SPEED_OVER_S = 0.5
 """Time over which the speed on an announced flight is taken [s]."""
 BETTER_STOP_SHARE = 0.2
@@ -94,8 +95,10 @@ def stop_in_time(state: AgentState) -> StepResult:
     others = {uav: f for path in mine for uav, f in near_flights(path, flights, limits).items()}
     if not others:
         return state, []
-    stop = _stop(state, here, velocity, now_s)
-    to_avoid = frozenset(uav for uav, f in others.items() if _has_to_stop(state, mine, stop, uav, f))
+    stop, late_stop = _stop(state, here, velocity, now_s), _later_stop(state, plan, REACTS_S, BRAKING_M_S2)
+    to_avoid = frozenset(
+        uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, late_stop, uav, flight)
+    )
     if not to_avoid:
         return state, []
     # The stop must not be worse with regard to all vehicles that cannot stop for it in time.
@@ -148,38 +151,52 @@ def _hold(state: AgentState, to: frozenset[int], text: str) -> StepResult:
     return state, [ev.NotifyOperator(text), *effects]
 
 
-def _has_to_stop(state: AgentState, mine: Paths, stop: Trajectory, uav: int, intent: NeighbourIntent) -> bool:
-    """Return whether this vehicle has to stop for another one: both come too close, and the rule says so."""
+def _has_to_stop(
+    state: AgentState, mine: Paths, stop: Trajectory, late_stop: Paths, uav: int, intent: NeighbourIntent
+) -> bool:
+    """Return whether this vehicle has to stop for another one: both come too close, and the rule says so.
+
+    At its last moment, when a later stop is too late, it stops whatever the rule says. Behind another copter
+    it also stops at the last moment for a stop of both.
+    """
     limits = intent.limits(state.task.separation.limits)
-    theirs = _paths(state, uav, intent)
-    if not come_within(mine, theirs, limits, ENOUGH):
+
+    def comes_close(paths: Paths, theirs: Paths) -> bool:
+        return come_within(paths, theirs, limits, ENOUGH)
+
+    theirs, their_stop = _paths(state, uav, intent), _stop_of(state, uav)
+    follows_closely = comes_close(late_stop, their_stop) and comes_close(mine, their_stop)
+    if follows_closely and _helps(stop, mine, [their_stop], limits):
+        return True
+    if not comes_close(mine, theirs) or not _helps(stop, mine, [theirs], limits):
         return False
-    if not _helps(stop, mine, [theirs], limits):
-        return False
-    vehicle = state.vehicle
-    last_moment_s = vehicle.time_boot_s + REACTS_S + vehicle.ground_speed_m_s / BRAKING_M_S2
-    if share_of([path.lasting(last_moment_s) for path in mine], theirs, limits) < ENOUGH:
+    if comes_close(late_stop, theirs):
         return True
     if state.task.separation.action == "climb" and state.phase is Phase.FLYING:
         return False  # until its last moment the vehicle climbs to give way
     here = position_amsl(state)
     assert here is not None
     own = Standing(activity_of(state.phase), True, state.task.uav, here[2])
-    return gives_way(own, _standing(state, mine, theirs, uav, intent))
+    return gives_way(own, _standing(state, mine, theirs, uav, limits))
 
 
-def _standing(state: AgentState, mine: Paths, theirs: Paths, uav: int, intent: NeighbourIntent) -> Standing:
-    """Return another vehicle's standing; without a report, or if its stop does not help, it cannot yield."""
-    report = state.neighbours.get(uav)
-    path = None if report is None else predict(state, report)
-    if report is None or path is None:
+def _standing(state: AgentState, mine: Paths, theirs: Paths, uav: int, limits: Limits) -> Standing:
+    """Return another vehicle's standing; it cannot yield without a report, or if its stop does not help."""
+    report, stops = state.neighbours.get(uav), _stop_of(state, uav)
+    if report is None or not stops:
         return Standing(Activity.EMERGENCY, False, uav)
-    here = path.higher(home_amsl_m(state))
-    stop = _stop(state, here.points[0], report.state.velocity_m_s, report.at_s)
-    helps = _helps(stop, theirs, [mine], intent.limits(state.task.separation.limits))
-    return Standing(
-        activity_of(report.state.phase), helps and _may_hold(state, report), uav, here.points[0][2]
-    )
+    can_yield = _helps(stops[0], theirs, [mine], limits) and _may_hold(state, report)
+    return Standing(activity_of(report.state.phase), can_yield, uav, stops[0].points[0][2])
+
+
+def _stop_of(state: AgentState, uav: int) -> Paths:
+    """Return the probable flight of another copter that stops now; empty if it is not heard."""
+    report = state.neighbours.get(uav)
+    path = None if report is None or not report.state.hovers else predict(state, report)
+    if report is None or path is None:
+        return ()
+    here = path.higher(home_amsl_m(state)).points[0]
+    return (_stop(state, here, report.state.velocity_m_s, report.at_s),)
 
 
 def _may_hold(state: AgentState, other: NeighbourReport) -> bool:
@@ -194,16 +211,9 @@ def _can_stop_for(state: AgentState, stop: Trajectory, uav: int, intent: Neighbo
     report = state.neighbours.get(uav)
     if report is None or not _may_hold(state, report) or report.state.alt_rel_m < MIN_HEIGHT_M:
         return False
-    flight = intent.straight or intent.flight
-    brakes_s = state.vehicle.time_boot_s + LIKELY_REACTION_S + REACTS_S
-    until = flight.lasting(brakes_s)
-    before, there = until.at(brakes_s - SPEED_OVER_S), until.points[-1]
-    if before is None:
-        return False
-    velocity_m_s = (there[0] - before[0]) / SPEED_OVER_S, (there[1] - before[1]) / SPEED_OVER_S, 0.0
-    last = brake(there, velocity_m_s, brakes_s, _compared_s(state), brakes_m_s2=LIKELY_BRAKING_M_S2)
-    limits = intent.limits(state.task.separation.limits)
-    return share_of((stop,), (until, last), limits) >= ENOUGH
+    flight, after_s = intent.straight or intent.flight, LIKELY_REACTION_S + REACTS_S
+    their_stop = _later_stop(state, flight, after_s, LIKELY_BRAKING_M_S2)
+    return share_of((stop,), their_stop, intent.limits(state.task.separation.limits)) >= ENOUGH
 
 
 def _helps(stop: Trajectory, paths: Paths, others: Sequence[Paths], limits: Limits) -> bool:
@@ -259,6 +269,17 @@ def _own_paths(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, pl
 def _stop(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajectory:
     """Return the probable flight of a vehicle that stops now, heights above the sea."""
     return brake(here, velocity_m_s, now_s, _compared_s(state), LIKELY_REACTION_S, LIKELY_BRAKING_M_S2)
+
+
+def _later_stop(state: AgentState, flight: Trajectory, after_s: float, brakes_m_s2: float) -> Paths:
+    """Return a flight for the next `after_s` [s], and the stop after it."""
+    brakes_s = state.vehicle.time_boot_s + after_s
+    until = flight.lasting(brakes_s)
+    before, there = until.at(brakes_s - SPEED_OVER_S), until.points[-1]
+    if before is None:
+        return (until,)
+    velocity_m_s = (there[0] - before[0]) / SPEED_OVER_S, (there[1] - before[1]) / SPEED_OVER_S, 0.0
+    return until, brake(there, velocity_m_s, brakes_s, _compared_s(state), brakes_m_s2=brakes_m_s2)
 
 
 def _compared_s(state: AgentState) -> float:
