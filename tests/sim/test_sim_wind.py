@@ -1,20 +1,10 @@
-"""Wind: its direction, the strength of its gusts, and winds of single vehicles."""
+"""Wind: the strength of its gusts, and winds of single vehicles."""
 
 import numpy as np
 import physics_bench
 import pytest
 
 from sim_vehicle.physics.wind import GUST_TIME_S, WindSettings
-
-
-@pytest.mark.parametrize(
-    ("from_deg", "east_north"), [(0.0, (0, -7)), (90.0, (-7, 0)), (180.0, (0, 7)), (270.0, (7, 0))]
-)
-def test_wind_blows_away_from_its_direction(from_deg: float, east_north: tuple[float, float]) -> None:
-    world = physics_bench.world(2, wind=WindSettings(7.0, from_deg))
-    assert world.wind.wind_m_s == pytest.approx(np.array([(*east_north, 0)] * 2), abs=1e-9)
-    physics_bench.wait(world, 1.0)
-    assert world.wind.wind_m_s == pytest.approx(np.array([(*east_north, 0)] * 2), abs=1e-9)
 
 
 def test_gusts_have_the_given_deviation_and_correlation_time() -> None:
