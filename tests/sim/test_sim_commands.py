@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, home_item, scenario, waypoint
+from station import VEHICLE, Station, home_item, scenario, waypoint
 
 from sim_vehicle.fleet import Fleet
 
@@ -118,8 +118,7 @@ def test_a_home_set_by_command_stays_when_arming() -> None:
 
 
 def test_the_identity_marks_a_simulated_vehicle() -> None:
-    vehicle = scenario().vehicles[0].model_dump() | {"sysid": 7}
-    station = Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0.0), target=7)
+    station = Station(Fleet(scenario(vehicles=[VEHICLE | {"sysid": 7}]), ready_s=0.0), target=7)
     version = station.ask(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
     assert bytes(version.uid2) == b"sim_vehicle" + bytes(6) + b"\x07"
     assert version.flight_sw_version >> 8 == 0x040602

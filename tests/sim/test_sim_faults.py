@@ -1,25 +1,11 @@
 """Faults on whole vehicles, through bytes on the wire and virtual time."""
 
-from typing import Any
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import (
-    ALT_M,
-    LAT_DEG,
-    LON_DEG,
-    Station,
-    acks,
-    home_item,
-    scenario,
-    takeoff,
-    waypoint,
-)
+from station import VEHICLE, Station, acks, home_item, scenario, station_of, takeoff, waypoint
 
 from sim_vehicle.faults import FAULTS
-from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenarios import default_scenario
 from sim_vehicle.station.messages import command_long
 
 GUIDED = 4
@@ -27,15 +13,9 @@ POSITION = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 MISSION = [home_item(), takeoff(20), waypoint(100, 0), waypoint(100, 100), waypoint(0, 100)]
 
 
-def start_station(*faults: str, **fields: Any) -> Station:
-    """Return a station with one vehicle; `fields`: further keys of the vehicle."""
-    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, **fields}
-    return Station(Fleet(scenario(faults=list(faults), vehicles=[vehicle]), ready_s=0.0))
-
-
-def fleet(count: int, *faults: str, **fields: Any) -> Fleet:
-    made = default_scenario(count, home=(LAT_DEG, LON_DEG, ALT_M), **fields)
-    return Fleet(made.model_copy(update={"faults": tuple(parse_fault(text) for text in faults)}), ready_s=0.0)
+def fleet(count: int, *faults: str) -> Fleet:
+    vehicles = [VEHICLE | {"sysid": sysid} for sysid in range(1, count + 1)]
+    return Fleet(scenario(vehicles=vehicles, faults=list(faults)), ready_s=0.0)
 
 
 def is_silent(station: Station, seconds: float) -> bool:
@@ -46,7 +26,7 @@ def is_silent(station: Station, seconds: float) -> bool:
 
 
 def test_commands_get_lost_on_the_way_to_the_vehicle() -> None:
-    station = start_station("one_way:dead=to_vehicle,at=5,for=5")
+    station = station_of(faults=["one_way:dead=to_vehicle,at=5,for=5"])
     assert station.set_mode(GUIDED) == 0
     station.wait(5.2)
     station.send(mavlink.MAVLink_set_mode_message(1, 1, 2))
@@ -59,7 +39,7 @@ def test_commands_get_lost_on_the_way_to_the_vehicle() -> None:
 
 
 def test_a_delay_applies_to_request_and_answer() -> None:
-    station = start_station("delay:delay_s=0.5")
+    station = station_of(faults=["delay:delay_s=0.5"])
     message = mavlink.MAVLink_param_request_read_message(1, 1, b"SYSID_MYGCS", -1)
     assert station.send(message) == []
     station.wait(0.9)
@@ -69,7 +49,7 @@ def test_a_delay_applies_to_request_and_answer() -> None:
 
 
 def test_an_outage_is_silence_in_both_directions_until_its_end() -> None:
-    station = start_station("link_outage:at=3,for=4")
+    station = station_of(faults=["link_outage:at=3,for=4"])
     station.wait(3.0)
     assert station.received
     assert is_silent(station, 3.9)
@@ -98,7 +78,7 @@ def test_a_fault_on_one_vehicle_does_not_change_the_bytes_of_another() -> None:
 
 
 def test_a_mission_refused_at_an_item_keeps_the_items_before() -> None:
-    station = start_station()
+    station = Station()
     station.inject("mission_refused:result=denied,at_item=2")
     assert station.upload(MISSION) == mavlink.MAV_MISSION_DENIED
     station.wait(9.0)
@@ -107,7 +87,7 @@ def test_a_mission_refused_at_an_item_keeps_the_items_before() -> None:
 
 @pytest.mark.parametrize(("fault", "results"), [("slow_ack:delay_s=2", [0]), ("absent_ack", [])])
 def test_a_late_or_lost_acknowledgement_leaves_no_gap_in_the_sequence(fault: str, results: list[int]) -> None:
-    station = start_station(fault)
+    station = station_of(faults=[fault])
     replies = station.send(command_long((1, 1), mavlink.MAV_CMD_DO_SET_MODE, 1, GUIDED))
     assert "COMMAND_ACK" not in {m.get_type() for m in replies}
     assert station.mode == "GUIDED"
@@ -121,7 +101,7 @@ def test_a_late_or_lost_acknowledgement_leaves_no_gap_in_the_sequence(fault: str
 
 @pytest.mark.parametrize(("answer", "result"), [("accepted", 0), ("refused", mavlink.MAV_RESULT_FAILED)])
 def test_a_stuck_mode_stays_with_every_kind_of_answer(answer: str, result: int) -> None:
-    station = start_station(f"stuck_mode:answer={answer},for=10")
+    station = station_of(faults=[f"stuck_mode:answer={answer},for=10"])
     assert station.set_mode(GUIDED) == result
     assert station.mode == "STABILIZE"
     station.wait(10)
@@ -130,7 +110,7 @@ def test_a_stuck_mode_stays_with_every_kind_of_answer(answer: str, result: int) 
 
 
 def test_an_unhealthy_sensor_shows_in_its_bit_and_keeps_the_vehicle_from_arming() -> None:
-    station = start_station("sensor_unhealthy:sensor=mag,for=5")
+    station = station_of(faults=["sensor_unhealthy:sensor=mag,for=5"])
     station.set_mode(GUIDED)
     station.wait(0.2)
     bit = mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
@@ -146,7 +126,7 @@ def test_an_unhealthy_sensor_shows_in_its_bit_and_keeps_the_vehicle_from_arming(
 
 
 def test_a_battery_with_removed_charge_continues_to_drain() -> None:
-    station = start_station()
+    station = Station()
     station.fly(20)
     station.inject("battery_sag:sag_v=0,at_most=0.3")
     station.wait(1)
@@ -156,7 +136,7 @@ def test_a_battery_with_removed_charge_continues_to_drain() -> None:
 
 
 def test_a_drifting_clock_shows_in_time_since_boot_and_timesync() -> None:
-    station = start_station("clock_drift:drift_ppm=10000,at=10")
+    station = station_of(faults=["clock_drift:drift_ppm=10000,at=10"])
     station.wait(110)
     assert station.ask(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME).time_boot_ms == pytest.approx(111_000, abs=100)
     replies = station.send(mavlink.MAVLink_timesync_message(0, 123))
@@ -168,7 +148,7 @@ def test_a_drifting_clock_shows_in_time_since_boot_and_timesync() -> None:
 
 
 def test_a_reboot_in_flight_causes_silence_a_fall_and_boot_text() -> None:
-    station = start_station()
+    station = Station()
     station.fly(30)
     boots = station.fleet.boots()[0]
     station.inject("reboot:silence_s=2")
@@ -184,7 +164,7 @@ def test_a_reboot_in_flight_causes_silence_a_fall_and_boot_text() -> None:
 
 
 def test_a_gps_glitch_moves_the_true_position() -> None:
-    station = start_station()
+    station = Station()
     station.fly(20)
     before = station.fleet.truth()
     station.inject("gps_glitch:east_m=0,north_m=20,ramp_s=30")
@@ -200,7 +180,7 @@ def test_a_battery_sag_is_reported_and_ends() -> None:
     def reported_v() -> float:
         return float(station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).voltage_battery / 1000)
 
-    station = start_station()
+    station = Station()
     before_v = reported_v()
     station.inject("battery_sag:sag_v=1.5,for=5")
     station.wait(1)
@@ -210,7 +190,7 @@ def test_a_battery_sag_is_reported_and_ends() -> None:
 
 
 def test_removed_charge_returns_at_the_end_of_the_fault() -> None:
-    station = start_station()
+    station = Station()
     station.inject("battery_sag:sag_v=0,at_most=0.3,for=5")
     station.wait(1)
     assert station.fleet.truth().battery_remaining[0] == pytest.approx(0.3, abs=0.01)
@@ -232,20 +212,20 @@ def test_a_fleet_with_all_faults_at_once_continues() -> None:
 
 
 def test_a_parameter_of_the_scenario_counts_from_the_start() -> None:
-    station = start_station(params={"SIM_GPS_DISABLE": 1})
+    station = station_of(params={"SIM_GPS_DISABLE": 1})
     assert station.fleet.faults_on(0) == ("gps_loss",)
 
 
 @pytest.mark.autopilots("MAVSDK 5 failure")
 def test_ardupilot_has_no_failure_command() -> None:
-    assert start_station().command(mavlink.MAV_CMD_INJECT_FAILURE, 4, 1, 0) == mavlink.MAV_RESULT_UNSUPPORTED
+    assert Station().command(mavlink.MAV_CMD_INJECT_FAILURE, 4, 1, 0) == mavlink.MAV_RESULT_UNSUPPORTED
 
 
 @pytest.mark.autopilots("MAVSDK 5 failure", of="px4")
 def test_px4_injects_failures_only_with_sys_failure_en() -> None:
     gps_off = (mavlink.MAV_CMD_INJECT_FAILURE, mavlink.FAILURE_UNIT_SENSOR_GPS, mavlink.FAILURE_TYPE_OFF)
-    assert start_station(personality="px4").command(*gps_off) == mavlink.MAV_RESULT_DENIED
-    station = start_station(personality="px4", params={"SYS_FAILURE_EN": 1})
+    assert station_of(personality="px4").command(*gps_off) == mavlink.MAV_RESULT_DENIED
+    station = station_of(personality="px4", params={"SYS_FAILURE_EN": 1})
     assert station.command(*gps_off) == mavlink.MAV_RESULT_ACCEPTED
     assert station.fleet.faults_on(0) == ("gps_loss",)
     gps_ok = (mavlink.MAV_CMD_INJECT_FAILURE, mavlink.FAILURE_UNIT_SENSOR_GPS, mavlink.FAILURE_TYPE_OK)

@@ -4,9 +4,7 @@ import math
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, home_item, item, land, place_m, scenario, takeoff, waypoint
-
-from sim_vehicle.fleet import Fleet
+from station import Station, home_item, item, land, place_m, station_of, takeoff, waypoint
 
 
 def test_a_waypoint_on_a_straight_line_is_passed_at_full_speed() -> None:
@@ -115,17 +113,11 @@ def test_hold_time_speed_change_delay_and_jump_are_flown() -> None:
     assert place_m(station) == pytest.approx((0, 0), abs=1.0)
 
 
-def returning_to(final_cm: int) -> Station:
-    (vehicle,) = scenario().vehicles
-    params = {"RTL_ALT_FINAL": final_cm, "RTL_LOIT_TIME": 2000}
-    return Station(Fleet(scenario(vehicles=[vehicle.model_copy(update={"params": params})]), ready_s=0.0))
-
-
 @pytest.mark.parametrize(
     "final_cm", [pytest.param(500, marks=pytest.mark.full), 2000]
 )  # below and above the height it comes at
 def test_a_return_with_a_final_height_ends_there_and_does_not_land(final_cm: int) -> None:
-    station = returning_to(final_cm)
+    station = station_of(params={"RTL_ALT_FINAL": final_cm, "RTL_LOIT_TIME": 2000})
     station.fly(15)
     assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
     station.wait(60)

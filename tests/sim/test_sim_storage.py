@@ -8,7 +8,7 @@ import pytest
 from files_client import FileStation
 from pymavlink import DFReader, mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, home_item, land, scenario, takeoff, waypoint
+from station import VEHICLE, home_item, land, scenario, takeoff, waypoint
 
 from sim_vehicle.files.ftp import HEADER
 from sim_vehicle.files.ftp_rules import Opcode
@@ -16,11 +16,8 @@ from sim_vehicle.files.packed_files import Parameter, pack_parameters
 from sim_vehicle.fleet import Fleet
 
 
-def fleet(*, seed: int = 1, count: int = 1, **spec: Any) -> Fleet:
-    vehicle = {"lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, **spec}
-    return Fleet(
-        scenario(seed=seed, vehicles=[{"sysid": i + 1, **vehicle} for i in range(count)]), ready_s=0.0
-    )
+def fleet(**spec: Any) -> Fleet:
+    return Fleet(scenario(vehicles=[VEHICLE | spec]), ready_s=0.0)
 
 
 class Ground(FileStation):
@@ -157,7 +154,7 @@ def test_log_disarmed_records_from_the_boot_and_a_backend_of_none_never() -> Non
     assert [m.num_logs for m in never.log_list()] == [0]
 
 
-def test_a_reboot_ends_the_log_and_keeps_it(tmp_path: Path) -> None:
+def test_a_reboot_ends_the_log_and_keeps_it() -> None:
     station = Ground(fleet())
     station.hop()
     assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0

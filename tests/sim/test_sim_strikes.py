@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
+from station import LAT_DEG, LON_DEG, Station, land, station_of, takeoff, waypoint
 
-from sim_vehicle.fleet import Fleet
 from sim_vehicle.physics.threats import Threats
 
 STRENGTH = (0.6, 0.3, 0.1)
@@ -49,7 +48,7 @@ def area_station(firing_strength: tuple[float, float, float]) -> Station:
     area = {"origin_lat_deg": origin_lat_deg, "origin_lon_deg": origin_lon_deg}
     area |= {"rows": 6, "cols": 6, "cell_size_m": 50.0}
     extra = {"area": area, "firing_strength": firing_strength, "hostiles": [[3, 0]]}
-    return Station(Fleet(scenario(**extra), ready_s=0))
+    return station_of(**extra)
 
 
 def test_a_crossing_gets_one_strike_for_each_cell_entered_and_continues() -> None:
@@ -74,7 +73,7 @@ def test_a_vehicle_on_the_ground_is_not_fired_at() -> None:
     area = {"origin_lat_deg": LAT_DEG - 0.0002, "origin_lon_deg": LON_DEG - 0.0002}
     area |= {"rows": 3, "cols": 3, "cell_size_m": 50.0}
     extra = {"area": area, "firing_strength": (1.0, 0.5, 0.1), "hostiles": [[0, 0]]}
-    station = Station(Fleet(scenario(**extra), ready_s=0))
+    station = station_of(**extra)
     station.wait(5)
     assert station.fleet.truth().strikes.tolist() == [0]
     station.fly(5)  # lifting off is entering the cell

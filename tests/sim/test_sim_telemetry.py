@@ -8,7 +8,7 @@ import ardupilot_messages as firmware
 import pytest
 from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
+from station import LAT_DEG, LON_DEG, VEHICLE, Station, land, scenario, station_of, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
 
@@ -80,7 +80,7 @@ IMPAIRMENTS = [
 
 def flight_bytes(step_s: float, seed: int = 1) -> list[tuple[int, bytes]]:
     """Return the bytes of a short flight of three vehicles; their input does not depend on the step."""
-    vehicles = [scenario().vehicles[0].model_copy(update={"sysid": sysid}) for sysid in (1, 2, 3)]
+    vehicles = [VEHICLE | {"sysid": sysid} for sysid in (1, 2, 3)]
     area = {"origin_lat_deg": LAT_DEG, "origin_lon_deg": LON_DEG, "rows": 9, "cols": 9, "cell_size_m": 20}
     extra = {
         "area": area,
@@ -89,7 +89,7 @@ def flight_bytes(step_s: float, seed: int = 1) -> list[tuple[int, bytes]]:
         "seed": seed,
         "faults": IMPAIRMENTS,
     }
-    fleet = Fleet(scenario(**extra, vehicles=[v.model_dump() for v in vehicles]), ready_s=0)
+    fleet = Fleet(scenario(**extra, vehicles=vehicles), ready_s=0)
     codec = mavlink.MAVLink(None, srcSystem=255)
     out: list[tuple[int, bytes]] = []
 
@@ -121,7 +121,7 @@ def test_equal_runs_give_equal_bytes_with_any_step() -> None:
 def test_strikes_are_sent_with_any_stream_unless_they_are_stopped() -> None:
     area = {"origin_lat_deg": LAT_DEG, "origin_lon_deg": LON_DEG, "rows": 3, "cols": 3, "cell_size_m": 50.0}
     extra = {"area": area, "firing_strength": (1.0, 0.5, 0.1), "hostiles": [[0, 0]]}
-    station = Station(Fleet(scenario(**extra), ready_s=0))
+    station = station_of(**extra)
 
     def counts(seconds: float) -> int:
         return sum(m.get_type() == "NAMED_VALUE_INT" for m in station.wait(seconds))

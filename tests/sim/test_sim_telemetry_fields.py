@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
+from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from setpoint_messages import setpoint
-from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, scenario, takeoff, waypoint
-
-from sim_vehicle.fleet import Fleet
+from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, station_of, takeoff, waypoint
 
 NAN = math.nan
 WIND_M_S, WIND_FROM_DEG = 6.0, 300.0
@@ -73,19 +72,9 @@ class TrueState:
         return math.degrees(math.atan2(GOAL_EAST_M - self.east_m, GOAL_NORTH_M - self.north_m))
 
 
-def _fleet(personality: str, kind: str = "copter", wind_m_s: float = WIND_M_S) -> Fleet:
-    vehicle = scenario().vehicles[0].model_dump() | {"personality": personality, "kind": kind}
-    wind = {"speed_m_s": wind_m_s, "from_deg": WIND_FROM_DEG}
-    return Fleet(scenario(vehicles=[vehicle], wind=wind), ready_s=0)
-
-
-def _take_off(station: Station, personality: str) -> None:
-    if personality == "ardupilot":
-        station.fly(HEIGHT_M)
-        return
-    assert station.arm() == 0
-    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, ALT_M + HEIGHT_M) == 0
-    station.until(lambda: station.mode == "Hold", 60)
+def _station(personality: str, kind: str = "copter", wind_m_s: float = WIND_M_S) -> Station:
+    make = Px4Station if personality == "px4" else station_of
+    return make(kind, wind={"speed_m_s": wind_m_s, "from_deg": WIND_FROM_DEG})
 
 
 def _go(station: Station) -> None:
@@ -103,9 +92,9 @@ class Flight:
     """A vehicle that flies in wind to a higher goal, and its reports."""
 
     def __init__(self, personality: str) -> None:
-        self.station = station = Station(_fleet(personality))
+        self.station = station = _station(personality)
         station.stream(mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, hz=10)
-        _take_off(station, personality)
+        station.fly(HEIGHT_M)
         _go(station)
         station.wait(5.0)
         before_m = _place_m(station)
@@ -251,7 +240,7 @@ def _reports(station: Station, message_id: int) -> bool:
 
 @pytest.mark.parametrize("personality", BOTH)
 def test_a_vehicle_on_the_ground_reports_no_target(personality: str) -> None:
-    station = Station(_fleet(personality))
+    station = _station(personality)
     station.wait(1)
     assert not _reports(station, GLOBAL_TARGET)
     assert not _reports(station, LOCAL_TARGET)
@@ -263,7 +252,7 @@ def test_a_vehicle_on_the_ground_reports_no_target(personality: str) -> None:
 
 
 def test_ardupilot_reports_a_target_in_modes_with_a_target() -> None:
-    station = Station(_fleet("ardupilot"))
+    station = _station("ardupilot")
     station.fly_mission([takeoff(), waypoint(60, 0), land(60, 0)])
     station.wait(2)
     assert not _reports(station, GLOBAL_TARGET)  # during take-off
@@ -281,8 +270,8 @@ def test_ardupilot_reports_a_target_in_modes_with_a_target() -> None:
 
 @pytest.mark.parametrize("personality", BOTH)
 def test_a_velocity_setpoint_is_the_local_target(personality: str) -> None:
-    station = Station(_fleet(personality))
-    _take_off(station, personality)
+    station = _station(personality)
+    station.fly(HEIGHT_M)
     order = setpoint(velocity=(3.0, -2.0, -0.5))
     station.send(order)
     if personality == "px4":
@@ -300,8 +289,8 @@ def test_a_velocity_setpoint_is_the_local_target(personality: str) -> None:
 
 
 def test_px4_reports_the_position_of_its_hold() -> None:
-    station = Station(_fleet("px4"))
-    _take_off(station, "px4")
+    station = _station("px4")
+    station.fly(HEIGHT_M)
     station.wait(10)
     target = station.ask(GLOBAL_TARGET)
     assert target.alt == pytest.approx(ALT_M + HEIGHT_M, abs=0.5)
@@ -310,7 +299,7 @@ def test_px4_reports_the_position_of_its_hold() -> None:
 
 @pytest.mark.parametrize(("personality", "mask"), [("ardupilot", None), ("px4", POSITION_ONLY)])
 def test_a_plane_reports_its_next_position(personality: str, mask: int | None) -> None:
-    station = Station(_fleet(personality, "plane", wind_m_s=0.0))
+    station = _station(personality, "plane", wind_m_s=0.0)
     assert not _reports(station, GLOBAL_TARGET)  # in MANUAL, or on the ground
     if personality == "ardupilot":
         station.fly_plane_mission([home_item(), takeoff(40), waypoint(500, 0, 40)])

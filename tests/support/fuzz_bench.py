@@ -7,7 +7,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as every
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG
+from station import ALT_M, LAT_DEG, LON_DEG, VEHICLE
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
@@ -35,17 +35,8 @@ NAN_ALLOWED = {
 
 def scenario(name: str, kind: str) -> Scenario:
     """Return two vehicles of a kind, far apart."""
-    vehicles = [
-        {
-            "sysid": sysid,
-            "lat_deg": LAT_DEG,
-            "lon_deg": LON_DEG + 1e-3 * sysid,
-            "alt_amsl_m": ALT_M,
-            "personality": name,
-            "kind": kind,
-        }
-        for sysid in (1, 2)
-    ]
+    craft = VEHICLE | {"personality": name, "kind": kind}
+    vehicles = [craft | {"sysid": sysid, "lon_deg": LON_DEG + 1e-3 * sysid} for sysid in (1, 2)]
     return Scenario.model_validate({"seed": 1, "vehicles": vehicles})
 
 

@@ -5,11 +5,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, Station
+from station import ALT_M, Station, fleet_of
 
-from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import personality_of
-from sim_vehicle.scenarios import Scenario
 from sim_vehicle.station.messages import to_wire
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
@@ -18,30 +16,11 @@ TAKEOFF, HOLD, MISSION, RETURN, LAND, FOLLOW = 2, 3, 4, 5, 6, 8
 NAN = math.nan
 
 
-def px4_scenario(kind: str, params: dict[str, float] | None) -> Scenario:
-    vehicle = {
-        "sysid": 1,
-        "lat_deg": LAT_DEG,
-        "lon_deg": LON_DEG,
-        "alt_amsl_m": ALT_M,
-        "personality": "px4",
-        "type": kind,
-        "params": params or {},
-    }
-    return Scenario.model_validate({"seed": 1, "vehicles": [vehicle]})
-
-
 class Px4Station(Station):
     """A station with modes by main and sub number, and missions without a home placeholder."""
 
-    def __init__(
-        self,
-        kind: str = "copter",
-        *,
-        ready_s: float | None = 0.0,
-        params: dict[str, float] | None = None,
-    ) -> None:
-        super().__init__(Fleet(px4_scenario(kind, params), ready_s=ready_s))
+    def __init__(self, kind: str = "copter", **options: Any) -> None:
+        super().__init__(fleet_of(kind, personality="px4", **options))
 
     def change(self, main: int, sub: int = 0) -> int:
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub)

@@ -18,11 +18,27 @@ WITHOUT_LOG = {"LOG_BACKEND_TYPE": 0}
 """ArduPilot without its on-board log, which takes a quarter of the time of a flight."""
 
 
+VEHICLE = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M}
+
+
 def scenario(**extra: Any) -> Scenario:
-    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M}
     # Tests to the centimetre have no receiver noise.
     quiet = {"gps": {"noise_m": 0.0, "drift_m": 0.0}}
-    return Scenario.model_validate({"seed": 1, "vehicles": [vehicle], **quiet, **extra})
+    return Scenario.model_validate({"seed": 1, "vehicles": [VEHICLE], **quiet, **extra})
+
+
+def fleet_of(
+    kind: str = "copter",
+    params: dict[str, float] | None = None,
+    *,
+    personality: str = "ardupilot",
+    ready_s: float | None = 0.0,
+    **extra: Any,
+) -> Fleet:
+    """Return a fleet of one vehicle; an ArduPilot is without a log."""
+    quick = WITHOUT_LOG if personality == "ardupilot" else {}
+    vehicle = VEHICLE | {"kind": kind, "personality": personality, "params": quick | (params or {})}
+    return Fleet(scenario(vehicles=[vehicle], **extra), ready_s=ready_s)
 
 
 def item(
@@ -88,10 +104,7 @@ class Station:
     def __init__(
         self, fleet: Fleet | None = None, *, ready_s: float = 0.0, sysid: int = 255, target: int = 1
     ) -> None:
-        if fleet is None:
-            vehicle = scenario().vehicles[0].model_copy(update={"params": WITHOUT_LOG})
-            fleet = Fleet(scenario(vehicles=[vehicle.model_dump()]), ready_s=ready_s)
-        self.fleet = fleet
+        self.fleet = fleet or fleet_of(ready_s=ready_s)
         self.now = 0.0
         self.target = target
         self.codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
@@ -295,19 +308,9 @@ class Station:
         assert self.arm() == 0
 
 
-def station_of(
-    kind: str = "copter",
-    params: dict[str, float] | None = None,
-    *,
-    personality: str = "ardupilot",
-    ready_s: float = 0.0,
-    **extra: Any,
-) -> Station:
-    """Return a station of one vehicle; an ArduPilot is without a log."""
-    (vehicle,) = scenario().vehicles
-    quick = WITHOUT_LOG if personality == "ardupilot" else {}
-    fields = {"kind": kind, "personality": personality, "params": quick | (params or {})}
-    return Station(Fleet(scenario(vehicles=[vehicle.model_dump() | fields], **extra), ready_s=ready_s))
+def station_of(*arguments: Any, **options: Any) -> Station:
+    """Return a station of the vehicle of `fleet_of`."""
+    return Station(fleet_of(*arguments, **options))
 
 
 def airborne_plane(params: dict[str, float] | None = None, *, up_m: float = 45.0, **extra: Any) -> Station:
