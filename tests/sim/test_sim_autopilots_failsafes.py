@@ -5,17 +5,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, takeoff, waypoint
 
 
-def beat(sysid: int) -> bytes:
-    codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
-    message = mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
-    )
-    return bytes(message.pack(codec))
-
-
 def wait_beating(station: Station, seconds: float, sysid: int) -> None:
+    station.codec.srcSystem = sysid
     for _ in range(round(seconds)):
-        station.fleet.receive(beat(sysid), station.now)
+        station.beat()
         station.wait(1)
 
 
@@ -44,7 +37,7 @@ def test_a_low_battery_returns_after_10_seconds() -> None:
 @pytest.mark.autopilots("1.15")
 def test_the_ground_station_failsafe_is_off_by_default() -> None:
     station = Station()
-    station.fleet.receive(beat(255), station.now)
+    station.beat()
     station.fly(10)
     station.wait(60)
     assert station.mode == "GUIDED"
@@ -54,7 +47,7 @@ def test_the_ground_station_failsafe_is_off_by_default() -> None:
 def test_only_sysid_mygcs_keeps_the_ground_station_failsafe_quiet() -> None:
     station = Station()
     station.set_parameter("FS_GCS_ENABLE", 1)
-    station.fleet.receive(beat(255), station.now)
+    station.beat()
     station.set_mode(4)
     station.arm()
     station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20)

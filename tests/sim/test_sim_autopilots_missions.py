@@ -1,4 +1,4 @@
-"""Missions that are changed, shortened or cleared in flight, on both autopilots."""
+"""Missions of ArduCopter that are changed or shortened in flight."""
 
 from typing import Any
 
@@ -89,6 +89,3 @@ def test_an_empty_mission_cannot_be_paused() -> None:
     station = Station()
     assert station.set_mode(AUTO) == 0
     assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0) == FAILED
-
-
-# -- PX4 ---------------------------------------------------------------------------------------------------

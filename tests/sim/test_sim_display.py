@@ -10,13 +10,10 @@ from hypothesis import strategies as st
 from profiles import examples
 from rich.console import Console
 from rich.text import Text
-from typer import Typer
-from typer.testing import CliRunner
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.links.url import parse_url
 from sim_vehicle.scenarios.checking import CheckFailure
-from sim_vehicle.scenarios.command import run
 from sim_vehicle.scenarios.report import fold, print_verdict, write_verdict
 from sim_vehicle.scenarios.runner import CheckVerdict, FinalVehicleState, Verdict
 from sim_vehicle.serving.columns import GAP, Column, fitting, one_line, table
@@ -214,11 +211,3 @@ def test_continued_lines_are_indented() -> None:
         "    ground, and",
         "    disarmed",
     ]
-
-
-def test_a_list_on_a_pipe_has_one_line_per_entry() -> None:
-    app = Typer(add_completion=False, rich_markup_mode=None)
-    app.command()(run)
-    done = CliRunner().invoke(app, ["--list", "--list-checks"])
-    assert done.exit_code == 0
-    assert all(line[0] != " " and (": " in line) for line in done.stdout.splitlines())

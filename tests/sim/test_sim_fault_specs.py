@@ -67,7 +67,6 @@ def test_a_fault_is_parsed_from_the_command_line() -> None:
         ("gps_loss:for=0", ["for=0: ", "seconds > 0", "[fault-value]"]),
         ("gps_loss:sysid=a", ["sysid=a: ", "1+4", "[fault-value]"]),
         ("gps_loss:sysid=300", ["sysid=300: ", "1 to 255", "[fault-value]"]),
-        ("stuck_mode:answer=x", ["answer=x: ", "accepted|refused", "[fault-value]"]),
     ],
 )
 def test_an_invalid_fault_is_reported_with_the_allowed_values(text: str, parts: list[str]) -> None:

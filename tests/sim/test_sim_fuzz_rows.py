@@ -36,18 +36,6 @@ def test_a_landing_without_a_landing_mode(name: str, kind: str) -> None:
     bench.check()
 
 
-@pytest.mark.parametrize("parameter", [b"BATT_FS_LOW_ACT", b"FS_LONG_ACTN"])
-def test_a_landing_failsafe_of_a_plane_returns_home(parameter: bytes) -> None:
-    bench = Bench("ardupilot", "plane")
-    bench.fly()
-    for key, value in ((parameter, 2), (b"BATT_LOW_VOLT", 50), (b"FS_GCS_ENABL", 1)):
-        bench.send(mavlink.MAVLink_param_set_message(1, 1, key, value, 9))
-    bench.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
-    bench.wait(20.0)
-    bench.check()
-    assert bench.fleet.truth().mode[0] != "TAKEOFF"
-
-
 @pytest.mark.parametrize(("name", "kind"), CRAFT)
 def test_an_interval_beyond_the_range_of_its_message(name: str, kind: str) -> None:
     bench = Bench(name, kind)
@@ -97,19 +85,6 @@ def test_an_uploaded_file_with_nan_parameters(parameter: str, value: float) -> N
     replies = bench.send(mavlink.MAVLink_param_request_read_message(1, 1, parameter.encode(), -1))
     usual = bench.fleet.vehicles[0].personality.parameters.defaults[parameter]
     assert [m.param_value for m in replies if m.get_type() == "PARAM_VALUE"] == [usual]
-    bench.check()
-
-
-def test_a_mission_shortened_before_its_current_item() -> None:
-    bench = Bench("ardupilot", "copter")
-    bench.fly()
-    waypoint = (3, 16, 0, 0, 0, 0, 30.0)
-    assert upload(bench, *[waypoint] * 6) == [ACCEPTED]
-    assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 3) == ACCEPTED
-    bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 5))
-    assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4) == ACCEPTED
-    assert upload(bench, waypoint, waypoint) == [ACCEPTED]
-    assert bench.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
     bench.check()
 
 

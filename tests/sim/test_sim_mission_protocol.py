@@ -34,9 +34,6 @@ def test_item_0_has_the_exact_position_and_the_altitude_of_home() -> None:
         pytest.param(
             {"command": RTL, "frame": 6}, {"frame": 0, "x": 0, "y": 0, "z": 0}, id="RTL has no place"
         ),
-        pytest.param(
-            {"command": JUMP, "param1": 1, "param2": 2}, {"frame": 0, "param1": 1, "param2": 2}, id="DO_JUMP"
-        ),
     ],
 )
 def test_read_back_items_have_their_stored_form(sent: dict[str, Any], kept: dict[str, Any]) -> None:

@@ -236,6 +236,11 @@ def test_px4_logs_from_the_boot_to_the_first_disarming_and_then_each_flight() ->
     assert content.startswith(b"ULog\x01\x12\x35\x01")
     for name in (b"vehicle_attitude", b"vehicle_global_position", b"battery_status", b"vehicle_status"):
         assert name in content
+    for n_logs in (1, 2):
+        for armed in (1, 0):
+            assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, armed) == 0
+            station.wait(2.0)
+        assert len(station.log_list()) == n_logs
 
 
 def test_logs_of_px4_are_files_by_day_and_time() -> None:
