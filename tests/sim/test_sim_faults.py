@@ -2,7 +2,7 @@
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import VEHICLE, Station, acks, home_item, scenario, station_of, takeoff, waypoint
+from station import VEHICLE, Station, scenario, station_of
 
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.fleet import Fleet
@@ -10,7 +10,6 @@ from sim_vehicle.station.messages import command_long
 
 GUIDED = 4
 POSITION = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
-MISSION = [home_item(), takeoff(20), waypoint(100, 0), waypoint(100, 100), waypoint(0, 100)]
 
 
 def fleet(count: int, *faults: str) -> Fleet:
@@ -75,14 +74,6 @@ def test_a_fault_on_one_vehicle_does_not_change_the_bytes_of_another() -> None:
 
 
 # -- what a vehicle answers -------------------------------------------------------------------------------
-
-
-def test_a_mission_refused_at_an_item_keeps_the_items_before() -> None:
-    station = Station()
-    station.inject("mission_refused:result=denied,at_item=2")
-    assert station.upload(MISSION) == mavlink.MAV_MISSION_DENIED
-    station.wait(9.0)
-    assert acks(station.received) == [mavlink.MAV_MISSION_DENIED]
 
 
 @pytest.mark.parametrize(("fault", "results"), [("slow_ack:delay_s=2", [0]), ("absent_ack", [])])

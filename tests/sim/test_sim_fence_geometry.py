@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
-from transfer_bench import CIRCLE, EXCLUDED, NOT_CIRCLE, POLYGON, RETURN_POINT
+from transfer_station import CIRCLE, EXCLUDED, NOT_CIRCLE, POLYGON, RETURN_POINT
 
 from sim_vehicle.physics.geodesy import LocalFrame, distance_m, metres_per_degree
 from sim_vehicle.vehicle.fence import Fence
@@ -104,14 +104,6 @@ def test_a_fence_across_the_antimeridian() -> None:
     made = fence(*polygon(POLYGON, SQUARE, lat=-17.0, lon=179.9999))
     assert not made.breaches(*at(0, 80, lat=-17.0, lon=179.9999))
     assert made.breaches(*at(0, 120, lat=-17.0, lon=179.9999))
-
-
-@pytest.mark.autopilots("2 fence")
-@pytest.mark.parametrize(("vertices", "total"), [(3, 5), (20, 22)])
-def test_fence_total(vertices: int, total: int) -> None:
-    corners = [(100 * math.cos(i), 100 * math.sin(i)) for i in range(vertices)]
-    made = fence(*polygon(POLYGON, corners), Item(RETURN_POINT, x=1, y=1))
-    assert made.total == total
 
 
 def test_the_return_point_is_the_given_one_or_the_middle() -> None:

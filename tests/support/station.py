@@ -192,13 +192,14 @@ class Station:
         assert exchange.outcome is not None
         return int(exchange.outcome.message.type)
 
-    def download(self) -> list[Any]:
-        replies = self.send(mavlink.MAVLink_mission_request_list_message(self.target, 0, 0))
+    def download(self, kind: int = MISSION) -> list[Any]:
+        replies = self.send(mavlink.MAVLink_mission_request_list_message(self.target, 0, kind))
         (count,) = [m.count for m in replies if m.get_type() == "MISSION_COUNT"]
         items = []
         for seq in range(count):
-            replies = self.send(mavlink.MAVLink_mission_request_int_message(self.target, 0, seq, 0))
+            replies = self.send(mavlink.MAVLink_mission_request_int_message(self.target, 0, seq, kind))
             items += [m for m in replies if m.get_type() == "MISSION_ITEM_INT"]
+        self.send(mavlink.MAVLink_mission_ack_message(self.target, 0, 0, kind))
         return items
 
     def ask(self, message_id: int) -> Any:
