@@ -9,7 +9,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
     ALT_M,
     LAT_DEG,
-    LON_DEG,
     Station,
     airborne_plane,
     land,
@@ -127,9 +126,8 @@ def test_a_flight_of_a_copter_is_reported_from_truth_estimate_and_target() -> No
 
 def test_the_attitude_target_leads_the_attitude() -> None:
     station = in_the_air("copter")
-    place = (round((LAT_DEG + 0.01) * 1e7), round(LON_DEG * 1e7), ALT_M + 20)
     assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET).q == pytest.approx([1, 0, 0, 0], abs=1e-3)
-    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 0, *place, -1, 1) == 0
+    assert station.reposition(1000, 20) == 0
     station.wait(0.1)
     target = station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET)
     pitch_rad = math.asin(2 * (target.q[0] * target.q[2] - target.q[3] * target.q[1]))

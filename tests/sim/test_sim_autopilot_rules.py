@@ -17,7 +17,7 @@ from station import (
     waypoint,
 )
 
-GUIDED, RTL, TAKEOFF_PLANE, RTL_PLANE, GUIDED_PLANE = 4, 6, 13, 11, 15
+GUIDED, RTL_PLANE, GUIDED_PLANE = 4, 11, 15
 FAILED = 4
 
 

@@ -85,8 +85,8 @@ def test_the_heartbeat_shows_a_new_mode_up_to_a_second_after_the_acknowledgement
 @pytest.mark.autopilots("1.13")
 def test_a_latched_failsafe_keeps_status_5_after_landing_and_disarming() -> None:
     station = Station()
-    for name, value in ((b"BATT_FS_LOW_ACT", 1), (b"BATT_LOW_VOLT", 11)):
-        station.send(mavlink.MAVLink_param_set_message(1, 0, name, value, 9))
+    for name, value in (("BATT_FS_LOW_ACT", 1), ("BATT_LOW_VOLT", 11)):
+        station.set_parameter(name, value)
     station.fly(8)
     station.set_parameter("SIM_BATT_VOLTAGE", 10.5)
     station.until(lambda: station.mode == "LAND", 20)

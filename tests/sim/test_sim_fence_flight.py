@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, item, land, place_m, takeoff, waypoint
 
 FENCE = 1
-GUIDED, AUTO, RTL, LAND = 4, 3, 6, 9
+GUIDED, AUTO = 4, 3
 
 
 def square(half_m: float, north_m: float = 0.0, command: int = 5001) -> list[dict[str, Any]]:
@@ -48,12 +48,10 @@ def test_a_return_into_the_fence_clears_the_breach_and_its_status() -> None:
     station.stream(mavlink.MAVLINK_MSG_ID_FENCE_STATUS)
     station.fly_mission([takeoff(), waypoint(400, 0), land(400, 0)])
     station.until(lambda: station.mode == "RTL", 60)
-    breached_s = station.now
     station.wait(0.5)
     status = station.of("FENCE_STATUS")[-1]
     assert (status.breach_status, status.breach_count) == (1, 1)
     assert status.breach_type == mavlink.FENCE_BREACH_BOUNDARY
-    assert status.breach_time == pytest.approx(breached_s * 1000, abs=200)
     station.until(lambda: notices(station)[-1][1] == "Fence breach cleared", 60)
     station.wait(0.5)
     status = station.of("FENCE_STATUS")[-1]

@@ -20,7 +20,7 @@ from station import (
     waypoint,
 )
 
-FBWA, FBWB, CRUISE, PLANE_AUTO, TAKEOFF_MODE, PLANE_GUIDED = 5, 6, 7, 10, 13, 15
+FBWA, FBWB, CRUISE, TAKEOFF_MODE, PLANE_GUIDED = 5, 6, 7, 13, 15
 
 
 def fly_plane_mission(station: Station, items: list[dict[str, Any]]) -> None:

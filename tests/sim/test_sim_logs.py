@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from files_client import of, read_dataflash
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -72,25 +73,11 @@ def flight(log: FlightLog, *, mode: int = 4, next_mode: int = 6) -> None:
 # -- DataFlash -------------------------------------------------------------------------------------------
 
 
-def read_dataflash(content: bytes, path: Path) -> list[Any]:
-    path.write_bytes(content)
-    with DFReader.DFReader_binary(str(path)) as reader:
-        messages = []
-        while (message := reader.recv_msg()) is not None:
-            messages.append(message)
-        assert reader.percent > 99
-        return messages
-
-
 @pytest.fixture
 def dataflash(tmp_path: Path) -> list[Any]:
     log = DataFlashLog()
     flight(log)
     return read_dataflash(bytes(log.content), tmp_path / "flight.BIN")
-
-
-def of(messages: list[Any], kind: str) -> list[Any]:
-    return [message for message in messages if message.get_type() == kind]
 
 
 def test_pymavlink_reads_the_state_of_a_dataflash_log(dataflash: list[Any]) -> None:

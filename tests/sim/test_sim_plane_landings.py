@@ -16,7 +16,7 @@ from station import (
     waypoint,
 )
 
-AUTO, RTL, GUIDED = 10, 11, 15
+RTL, GUIDED = 11, 15
 RADIUS_M = 70.0
 
 

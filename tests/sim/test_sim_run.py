@@ -47,10 +47,6 @@ def flown(text: str, **changes: Any) -> Verdict:
     return Run(parse_scenario(text, "test.yaml").model_copy(update=changes)).run()
 
 
-def failed(verdict: Verdict) -> list[str]:
-    return [check.check for check in verdict.checks if not check.passed]
-
-
 def invoke(*arguments: object) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 

@@ -8,18 +8,20 @@ import math
 import pytest
 from px4_station import (
     ACCEPTED,
+    ALTITUDE,
     AUTO,
     FOLLOW,
     HOLD,
+    MANUAL,
     OFFBOARD,
     POSITION,
+    STABILIZED,
     TEMPORARILY_REJECTED,
     QuietPx4Station,
 )
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, place_m
 
-MANUAL, ALTITUDE, STABILIZED = 1, 2, 7
 CENTRE = (0, 0, 500, 0)
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from files_client import FileStation
-from pymavlink import DFReader, mavftp
+from files_client import FileStation, of, read_dataflash
+from pymavlink import mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import VEHICLE, home_item, land, scenario, takeoff, waypoint
 
@@ -52,19 +52,6 @@ class Ground(FileStation):
         self.until(lambda: not self.armed)
 
 
-def read(content: bytes, path: Path) -> list[Any]:
-    path.write_bytes(content)
-    with DFReader.DFReader_binary(str(path)) as reader:
-        messages = []
-        while (message := reader.recv_msg()) is not None:
-            messages.append(message)
-    return messages
-
-
-def of(messages: list[Any], kind: str) -> list[Any]:
-    return [m for m in messages if m.get_type() == kind]
-
-
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ground, list[Any]]:
     """Return the station after a mission of an ArduCopter, and the downloaded log."""
@@ -75,7 +62,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ground, list[Any]]:
     (entry,) = station.log_list()
     content = station.log(entry.id)
     assert len(content) == entry.size
-    return station, read(content, tmp_path_factory.mktemp("log") / "a.BIN")
+    return station, read_dataflash(content, tmp_path_factory.mktemp("log") / "a.BIN")
 
 
 @pytest.mark.autopilots("MAVSDK 5 log_files")
@@ -139,7 +126,7 @@ def test_a_parameter_set_in_flight_and_a_failsafe_are_in_the_log(tmp_path: Path)
     for name, value in ((b"BATT_FS_LOW_ACT", 1), (b"BATT_LOW_VOLT", 13.0)):
         station.send(mavlink.MAVLink_param_set_message(1, 1, name, value, mavlink.MAV_PARAM_TYPE_REAL32))
     station.until(lambda: not station.armed)
-    messages = read(station.log(1), tmp_path / "a.BIN")
+    messages = read_dataflash(station.log(1), tmp_path / "a.BIN")
     assert [m.Value for m in of(messages, "PARM") if m.Name == "BATT_LOW_VOLT"] == [10.5, 13.0]
     assert [(m.Subsys, m.ECode) for m in of(messages, "ERR")] == [(6, 1)]
     assert [m.ModeNum for m in of(messages, "MODE")] == [4, 9]

@@ -69,12 +69,36 @@ def test_a_crossing_gets_one_strike_for_each_cell_entered_and_continues() -> Non
     assert station.fleet.truth().strikes.tolist() == [3]
 
 
-def test_a_vehicle_on_the_ground_is_not_fired_at() -> None:
+def over_a_hostile() -> Station:
+    """Return a vehicle on the ground in a hostile cell."""
     area = {"origin_lat_deg": LAT_DEG - 0.0002, "origin_lon_deg": LON_DEG - 0.0002}
     area |= {"rows": 3, "cols": 3, "cell_size_m": 50.0}
-    extra = {"area": area, "firing_strength": (1.0, 0.5, 0.1), "hostiles": [[0, 0]]}
-    station = station_of(**extra)
+    return station_of(area=area, firing_strength=(1.0, 0.5, 0.1), hostiles=[[0, 0]])
+
+
+def test_a_vehicle_on_the_ground_is_not_fired_at() -> None:
+    station = over_a_hostile()
     station.wait(5)
     assert station.fleet.truth().strikes.tolist() == [0]
     station.fly(5)  # lifting off is entering the cell
     assert station.fleet.truth().strikes.tolist() == [1]
+
+
+def test_strikes_are_sent_with_any_stream_unless_they_are_stopped() -> None:
+    station, strikes = over_a_hostile(), mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT
+
+    def counts(seconds: float) -> int:
+        return sum(m.get_type() == "NAMED_VALUE_INT" for m in station.wait(seconds))
+
+    assert counts(5) == 0
+    station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)
+    assert counts(5) == pytest.approx(5, abs=1)
+    assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, strikes, -1) == 0
+    station.stream(mavlink.MAVLINK_MSG_ID_VFR_HUD)
+    assert counts(5) == 0
+    station.stream(strikes, hz=2)
+    assert counts(5) == pytest.approx(10, abs=1)
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
+    station.wait(5)
+    station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)  # no interval has been set since the boot
+    assert counts(5) == pytest.approx(5, abs=1)

@@ -8,7 +8,7 @@ import ardupilot_messages as firmware
 import pytest
 from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import LAT_DEG, LON_DEG, VEHICLE, Station, land, scenario, station_of, takeoff, waypoint
+from station import LAT_DEG, LON_DEG, VEHICLE, Station, land, scenario, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
 
@@ -19,7 +19,6 @@ ONLY_PX4 = {
     mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
     mavlink.MAVLINK_MSG_ID_ODOMETRY,
 }
-ONLY_WITH_HOSTILES = mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT
 ASKED_FOR = (firmware.ALWAYS | firmware.COPTER_ONLY | firmware.NOT_IN_MANUAL) - {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
@@ -116,25 +115,3 @@ def test_equal_runs_give_equal_bytes_with_any_step() -> None:
     assert flight_bytes(1.0) == once
     assert flight_bytes(0.1, seed=2) != once
     assert any(b"STRIKE" in frame for _, frame in once)
-
-
-def test_strikes_are_sent_with_any_stream_unless_they_are_stopped() -> None:
-    area = {"origin_lat_deg": LAT_DEG, "origin_lon_deg": LON_DEG, "rows": 3, "cols": 3, "cell_size_m": 50.0}
-    extra = {"area": area, "firing_strength": (1.0, 0.5, 0.1), "hostiles": [[0, 0]]}
-    station = station_of(**extra)
-
-    def counts(seconds: float) -> int:
-        return sum(m.get_type() == "NAMED_VALUE_INT" for m in station.wait(seconds))
-
-    assert counts(5) == 0
-    station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)
-    assert counts(5) == pytest.approx(5, abs=1)
-    assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ONLY_WITH_HOSTILES, -1) == 0
-    station.stream(mavlink.MAVLINK_MSG_ID_VFR_HUD)
-    assert counts(5) == 0
-    station.stream(ONLY_WITH_HOSTILES, hz=2)
-    assert counts(5) == pytest.approx(10, abs=1)
-    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
-    station.wait(5)
-    station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)  # no interval has been set since the boot
-    assert counts(5) == pytest.approx(5, abs=1)

@@ -2,8 +2,10 @@
 
 import struct
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from pymavlink import DFReader
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station
 
@@ -38,6 +40,21 @@ class FileStation(Station):
             content += self.ftp(Opcode.READ_FILE, offset=len(content), size=239)
         self.ftp(Opcode.TERMINATE_SESSION)
         return content
+
+
+def read_dataflash(content: bytes, path: Path) -> list[Any]:
+    """Return the messages of a DataFlash log, written to `path` for its reader."""
+    path.write_bytes(content)
+    with DFReader.DFReader_binary(str(path)) as reader:
+        messages = []
+        while (message := reader.recv_msg()) is not None:
+            messages.append(message)
+        assert reader.percent > 99
+        return messages
+
+
+def of(messages: list[Any], kind: str) -> list[Any]:
+    return [message for message in messages if message.get_type() == kind]
 
 
 class MessageCodec:
