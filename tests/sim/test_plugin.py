@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from pymavlink import mavutil
 
+pytestmark = pytest.mark.interop
 ROOT = Path(__file__).parent.parent.parent
 MODULE = "sim_vehicle.pytest_plugin"
 DEADLINE_S = 120
@@ -56,7 +57,6 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.interop
 def test_a_failing_test_prints_its_seed_and_a_repeating_command(project: Path) -> None:
     first = run_pytest(project, "-p", MODULE)
     assert first.returncode == 1, first.stdout + first.stderr
@@ -75,7 +75,6 @@ def test_a_failing_test_prints_its_seed_and_a_repeating_command(project: Path) -
 
 
 @pytest.mark.full
-@pytest.mark.interop
 def test_another_seed_gives_another_flight(project: Path) -> None:
     outputs = [
         run_pytest(project, "-p", MODULE, "-k", "hovers", "--sim-seed", seed).stdout
@@ -87,7 +86,6 @@ def test_another_seed_gives_another_flight(project: Path) -> None:
 
 
 @pytest.mark.full
-@pytest.mark.interop
 @pytest.mark.parametrize("also_by_name", [[], ["-p", MODULE]], ids=["entry point", "entry point and -p"])
 def test_an_installed_package_needs_no_option(project: Path, also_by_name: list[str]) -> None:
     distribution = project / "installed" / "another-1.0.dist-info"
@@ -104,7 +102,6 @@ def test_an_installed_package_needs_no_option(project: Path, also_by_name: list[
 
 
 @pytest.mark.full
-@pytest.mark.interop
 def test_the_repeating_command_works_from_the_folder_of_pytest(project: Path) -> None:
     inner = project / "checks of mine"
     first = run_pytest(inner, "-p", MODULE, "-k", "hovers")
@@ -115,7 +112,6 @@ def test_the_repeating_command_works_from_the_folder_of_pytest(project: Path) ->
 
 
 @pytest.mark.full
-@pytest.mark.interop
 def test_warnings_of_a_served_fleet_are_in_the_report_of_a_failing_test(project: Path) -> None:
     (project / "checks of mine" / "test_mine.py").write_text(
         "import socket\n"
@@ -133,7 +129,6 @@ def test_warnings_of_a_served_fleet_are_in_the_report_of_a_failing_test(project:
 
 
 @pytest.mark.full
-@pytest.mark.interop
 def test_the_seed_is_the_same_from_any_folder(
     project: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -150,7 +145,6 @@ def test_the_seed_is_the_same_from_any_folder(
     assert "--sim-seed=N" in " ".join(run_pytest(project, "-p", MODULE, "--help").stdout.split())
 
 
-@pytest.mark.interop
 def test_a_failing_test_leaves_readable_tlogs(project: Path) -> None:
     (project / "checks of mine" / "test_mine.py").write_text(
         "def test_flies(swarm, clock):\n"
@@ -179,7 +173,6 @@ def test_a_failing_test_leaves_readable_tlogs(project: Path) -> None:
     assert times_by_type["HEARTBEAT"][-1] - times_by_type["HEARTBEAT"][0] > 6
 
 
-@pytest.mark.interop
 def test_a_wrong_call_is_shown_at_the_line_of_the_test(project: Path) -> None:
     calls = ["swarm(cuont=2)", "swarm(count=0)", "swarm(personality='betaflight')", "swarm(wind={'x': 1})",
              "swarm()[0].do('land_on_the_moon')", "swarm()[0].do('takeoff')", "swarm()[0].inject('gps_los')",
@@ -195,7 +188,6 @@ def test_a_wrong_call_is_shown_at_the_line_of_the_test(project: Path) -> None:
     assert done.stdout.count("\n") < 20 * len(calls)
 
 
-@pytest.mark.interop
 def test_heavy_imports_wait_for_the_first_fixture(project: Path) -> None:
     (project / "checks of mine" / "test_mine.py").write_text(
         "import sys\n"

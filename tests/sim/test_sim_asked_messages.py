@@ -94,7 +94,7 @@ def test_the_interval_of_a_message_is_reported_and_an_unknown_message_is_refused
 def test_a_flight_of_a_copter_is_reported_from_truth_estimate_and_target() -> None:
     station = station_of("copter", wind={"speed_m_s": 5.0, "from_deg": 270.0})
     station.fly_mission([takeoff(), waypoint(150, 0), land(150, 0)])
-    station.until(lambda: station.fleet.truth().speed_m_s[0] > 8, 60)
+    station.until(lambda: station.speed_m_s > 8, 60)
     truth = station.fleet.truth()
     attitude, hud = station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE), station.ask(mavlink.MAVLINK_MSG_ID_VFR_HUD)
     for message_id in (mavlink.MAVLINK_MSG_ID_SIMSTATE, mavlink.MAVLINK_MSG_ID_SIM_STATE):

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import pytest
+from profiles import full_only
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from setpoint_messages import BODY, BODY_OFFSET, LOCAL, OFFSET, setpoint
@@ -27,10 +28,6 @@ def plane_in_guided(params: dict[str, float] | None = None) -> Station:
     return station
 
 
-def speed_m_s(station: Station) -> float:
-    return float(station.fleet.truth().speed_m_s[0])
-
-
 # -- limits --------------------------------------------------------------------------------------------------
 
 
@@ -41,25 +38,25 @@ def test_a_changed_speed_holds_until_its_own_parameter_or_the_mode_changes() -> 
     assert station.reposition(1000, 20) == 0
     assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4) == 0
     station.wait(10)
-    assert speed_m_s(station) == pytest.approx(4.0, abs=0.2)
+    assert station.speed_m_s == pytest.approx(4.0, abs=0.2)
     station.set_parameter("RTL_ALT", 2000)
     station.wait(5)
-    assert speed_m_s(station) == pytest.approx(4.0, abs=0.2)
+    assert station.speed_m_s == pytest.approx(4.0, abs=0.2)
     station.set_parameter("WPNAV_SPEED", 700)
     station.wait(5)
-    assert speed_m_s(station) == pytest.approx(7.0, abs=0.2)
+    assert station.speed_m_s == pytest.approx(7.0, abs=0.2)
 
 
 def test_a_negative_speed_restores_the_cruising_speed_of_px4() -> None:
     station = QuietPx4Station()
     station.fly_mission([takeoff(20), waypoint(2000, 0, 20)])
-    station.until(lambda: speed_m_s(station) > 4.5, 60)
+    station.until(lambda: station.speed_m_s > 4.5, 60)
     assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 3) == 0
     station.wait(5)
-    assert speed_m_s(station) == pytest.approx(3.0, abs=0.2)
+    assert station.speed_m_s == pytest.approx(3.0, abs=0.2)
     assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, -1) == 0
     station.wait(5)
-    assert speed_m_s(station) == pytest.approx(5.0, abs=0.2)
+    assert station.speed_m_s == pytest.approx(5.0, abs=0.2)
 
 
 def test_an_impossible_voltage_is_limited_and_the_vehicle_continues() -> None:
@@ -145,9 +142,7 @@ def outside_its_fence(params: dict[str, float], *points: dict[str, Any]) -> Stat
     return station
 
 
-@pytest.mark.parametrize(
-    "params", [{}, pytest.param({"FENCE_ACTION": 1}, marks=pytest.mark.full), {"FENCE_ACTION": 8}]
-)
+@pytest.mark.parametrize("params", [{}, *full_only({"FENCE_ACTION": 1}), {"FENCE_ACTION": 8}])
 def test_a_plane_returns_from_a_fence_by_default_and_without_autoland(params: dict[str, float]) -> None:
     station = outside_its_fence(params)
     station.wait(1)
@@ -175,8 +170,7 @@ def test_a_plane_without_a_return_point_flies_home_at_the_requested_altitude() -
     ("start_m", "altitude_m", "end_m"),
     [
         (160, 100, 100),
-        pytest.param(50, 100, 100, marks=pytest.mark.full),
-        pytest.param(160, -1, 160, marks=pytest.mark.full),
+        *full_only((50, 100, 100), (160, -1, 160)),
     ],
 )
 def test_a_plane_returns_at_its_altitude_from_above_and_below(

@@ -52,7 +52,7 @@ def test_a_sag_is_missing_from_the_voltage_and_not_from_the_charge() -> None:
     assert batteries.remaining[0] == pytest.approx(batteries.remaining[1], abs=1e-3)
 
 
-@settings(max_examples=examples(30), derandomize=True, deadline=None)
+@settings(max_examples=examples(30))
 @given(st.lists(st.floats(0.0, 2000.0), min_size=1, max_size=50), st.floats(1.0, 6000.0))
 def test_charge_never_increases_and_all_values_stay_in_range(
     loads_w: list[float], capacity_mah: float

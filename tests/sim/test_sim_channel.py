@@ -95,7 +95,7 @@ def test_burst_loss_has_its_rate_and_burst_length() -> None:
     assert sum(runs) / len(frames) == pytest.approx(0.15, abs=5 * error)
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(40))
+@settings(max_examples=examples(40))
 @given(
     lengths=st.lists(st.integers(1, 280), max_size=40),
     seed=st.integers(0, 2**32),
@@ -116,7 +116,7 @@ def test_a_fault_without_losses_passes_every_frame_in_order(
     assert all(due_s >= i * gap_s for i, (_, due_s) in enumerate(arrived))
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(60))
+@settings(max_examples=examples(60))
 @given(name=st.sampled_from(WIRE), seed=st.integers(0, 2**32), gap_s=st.floats(0, 0.3))
 def test_every_link_fault_passes_only_its_input_and_ends_every_delay(
     name: str, seed: int, gap_s: float

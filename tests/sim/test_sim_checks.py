@@ -245,7 +245,7 @@ def test_a_failure_has_time_vehicle_check_and_value() -> None:
     assert str(first) == "t=34.50 s, vehicle 1: min_separation_m 5: failed, found 3 m"
 
 
-@settings(max_examples=examples(60), derandomize=True, deadline=None)
+@settings(max_examples=examples(60))
 @given(
     count=st.integers(0, N),
     places=st.lists(st.tuples(*[st.floats(-50, 50)] * 3), min_size=N, max_size=N),

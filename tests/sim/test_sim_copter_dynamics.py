@@ -182,7 +182,7 @@ def test_a_copter_disarmed_in_the_air_falls_and_recovers_when_armed() -> None:
 NUMBERS = st.floats(-1e6, 1e6)
 
 
-@settings(max_examples=examples(25), derandomize=True, deadline=None)
+@settings(max_examples=examples(25))
 @given(st.lists(st.tuples(st.integers(0, 5), NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))
 @example([(3, 12.0, 3.0, 35.0), (0, 0.0, 120.0, 0.0), (5, 1.0, 0.0, 0.0)])  # tilts while its lift falls
 def test_any_orders_keep_the_state_finite_and_within_limits(

@@ -22,7 +22,7 @@ from sim_vehicle.serving.options import FleetOptions, make_scenario
 from sim_vehicle.serving.pace import ManualPace
 from sim_vehicle.serving.server import Server
 
-PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(150))
+PROPERTY = settings(max_examples=examples(150))
 WORDS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=30)
 
 

@@ -1,6 +1,7 @@
 """ArduPilot's failsafes by mode and by parameter, and its arming checks."""
 
 import pytest
+from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
     Station,
@@ -116,11 +117,9 @@ def test_failsafes_do_not_interrupt_a_mission_landing() -> None:
     ("action", "begun_in", "ends_in"),
     [
         (0, GUIDED, "GUIDED"),
-        pytest.param(1, GUIDED, "LAND", marks=pytest.mark.full),
-        pytest.param(2, GUIDED, "ALT_HOLD", marks=pytest.mark.full),
+        *full_only((1, GUIDED, "LAND"), (2, GUIDED, "ALT_HOLD")),
         (2, RTL, "ALT_HOLD"),
-        pytest.param(3, GUIDED, "LAND", marks=pytest.mark.full),
-        pytest.param(1, ALT_HOLD, "ALT_HOLD", marks=pytest.mark.full),
+        *full_only((3, GUIDED, "LAND"), (1, ALT_HOLD, "ALT_HOLD")),
         (2, STABILIZE, "STABILIZE"),
         (3, ALT_HOLD, "LAND"),
     ],
@@ -172,15 +171,13 @@ def test_a_return_without_remote_control_lands_despite_its_final_height() -> Non
 @pytest.mark.parametrize(
     ("parameter", "value", "mode"),
     [
-        pytest.param("FS_GCS_ENABLE", 4, "LAND", marks=pytest.mark.full),
+        *full_only(("FS_GCS_ENABLE", 4, "LAND")),
         ("FS_GCS_ENABLE", 5, "LAND"),
-        pytest.param("FS_GCS_ENABLE", 7, "BRAKE", marks=pytest.mark.full),
-        pytest.param("FS_THR_ENABLE", 3, "LAND", marks=pytest.mark.full),
-        pytest.param("FS_THR_ENABLE", 4, "RTL", marks=pytest.mark.full),
+        *full_only(("FS_GCS_ENABLE", 7, "BRAKE"), ("FS_THR_ENABLE", 3, "LAND"), ("FS_THR_ENABLE", 4, "RTL")),
         ("FS_THR_ENABLE", 5, "LAND"),
         ("FS_THR_ENABLE", 7, "BRAKE"),
         ("BATT_FS_LOW_ACT", 4, "LAND"),
-        pytest.param("BATT_FS_LOW_ACT", 7, "BRAKE", marks=pytest.mark.full),
+        *full_only(("BATT_FS_LOW_ACT", 7, "BRAKE")),
     ],
 )
 def test_the_action_of_a_failsafe_follows_its_parameter(parameter: str, value: float, mode: str) -> None:
@@ -248,17 +245,15 @@ def test_a_watched_remote_control_is_lost_after_a_second(watched: int, mode: str
 @pytest.mark.parametrize(
     ("long_action", "mode", "at_short", "at_long"),
     [
-        pytest.param(0, MANUAL, "CIRCLE", "RTL", marks=pytest.mark.full),
+        *full_only((0, MANUAL, "CIRCLE", "RTL")),
         (0, FBWA, "CIRCLE", "RTL"),
-        pytest.param(0, CIRCLE, "CIRCLE", "RTL", marks=pytest.mark.full),
+        *full_only((0, CIRCLE, "CIRCLE", "RTL")),
         (0, PLANE_LOITER, "LOITER", "RTL"),
         (0, PLANE_GUIDED, "GUIDED", "GUIDED"),
-        pytest.param(0, PLANE_AUTO, "AUTO", "AUTO", marks=pytest.mark.full),
-        pytest.param(1, PLANE_GUIDED, "GUIDED", "RTL", marks=pytest.mark.full),
+        *full_only((0, PLANE_AUTO, "AUTO", "AUTO"), (1, PLANE_GUIDED, "GUIDED", "RTL")),
         (1, PLANE_AUTO, "AUTO", "RTL"),
         (2, MANUAL, "CIRCLE", "FBWA"),
-        pytest.param(2, PLANE_GUIDED, "GUIDED", "FBWA", marks=pytest.mark.full),
-        pytest.param(5, PLANE_GUIDED, "GUIDED", "RTL", marks=pytest.mark.full),
+        *full_only((2, PLANE_GUIDED, "GUIDED", "FBWA"), (5, PLANE_GUIDED, "GUIDED", "RTL")),
     ],
 )
 def test_a_plane_without_a_remote_control_acts_in_two_stages(

@@ -103,7 +103,7 @@ def test_the_fields_of_a_scenario_fault_are_checked_like_the_text() -> None:
         FaultSpec.model_validate({"fault": "dealy"})
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(200))
+@settings(max_examples=examples(200))
 @given(
     st.text(max_size=40)
     | st.from_regex(r"[a-z_]{1,12}:([a-z_]{1,8}=[-0-9a-z.+]{0,6},?){0,4}", fullmatch=True)
@@ -116,7 +116,7 @@ def test_any_text_is_a_fault_or_a_fault_error(text: str) -> None:
     assert spec.fault in FAULTS
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(50))
+@settings(max_examples=examples(50))
 @given(
     name=st.sampled_from(sorted(FAULTS)),
     at_s=st.integers(0, 1000),
@@ -285,7 +285,7 @@ def test_a_failure_ended_before_its_start_never_begins() -> None:
     assert vehicles.schedule.names(0) == ()
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(200))
+@settings(max_examples=examples(200))
 @given(*[st.floats(width=32) | st.integers(-1, 110).map(float)] * 3)
 def test_a_failure_command_with_any_parameters_is_answered(unit: float, kind: float, instance: float) -> None:
     vehicles = FaultyVehicles()

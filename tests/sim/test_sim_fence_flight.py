@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from profiles import full_only
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, item, land, place_m, takeoff, waypoint
@@ -146,9 +147,7 @@ def test_a_return_stays_under_the_fence() -> None:
     [
         (0, 3.0, 5.0),
         (3, 3.0, 9.0),
-        pytest.param(30, 3.0, 15.0, marks=pytest.mark.full),
-        pytest.param(0, 0.0, 15.0, marks=pytest.mark.full),
-        pytest.param(3, 0.4, 15.0, marks=pytest.mark.full),
+        *full_only((30, 3.0, 15.0), (0, 0.0, 15.0), (3, 0.4, 15.0)),
     ],
 )
 def test_a_return_close_to_home_climbs_to_the_cone_of_rtl_cone_slope(

@@ -129,7 +129,7 @@ def test_violated_zones_can_be_discarded() -> None:
     assert len(made.items) == 6
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(80))
+@settings(max_examples=examples(80))
 @given(
     st.lists(st.tuples(st.floats(50, 500), st.floats(0.15, 1.0)), min_size=3, max_size=12),
     st.floats(-600, 600),
@@ -158,7 +158,7 @@ def test_a_star_shaped_polygon_contains_the_points_inside_its_edges(
         assert (margin_m > 0) == inside
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(60))
+@settings(max_examples=examples(60))
 @given(st.floats(-80, 80), st.floats(-180, 180), st.floats(-2000, 2000), st.floats(-2000, 2000))
 def test_metres_per_degree_agree_with_the_projection(
     lat: float, lon: float, north_m: float, east_m: float

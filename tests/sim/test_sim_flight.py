@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, home_item, item, land, place_m, station_of, takeoff, waypoint
 
@@ -93,7 +94,7 @@ def test_hold_time_speed_change_delay_and_jump_are_flown() -> None:
     def watch() -> bool:
         nonlocal fastest_m_s
         if 6 not in station.reached:
-            fastest_m_s = max(fastest_m_s, float(station.fleet.truth().speed_m_s[0]))
+            fastest_m_s = max(fastest_m_s, station.speed_m_s)
         return not station.armed
 
     station.until(watch)
@@ -103,9 +104,7 @@ def test_hold_time_speed_change_delay_and_jump_are_flown() -> None:
     assert place_m(station) == pytest.approx((0, 0), abs=1.0)
 
 
-@pytest.mark.parametrize(
-    "final_cm", [pytest.param(500, marks=pytest.mark.full), 2000]
-)  # below and above the height it comes at
+@pytest.mark.parametrize("final_cm", [*full_only(500), 2000])  # below and above the height it comes at
 def test_a_return_with_a_final_height_ends_there_and_does_not_land(final_cm: int) -> None:
     station = station_of(params={"RTL_ALT_FINAL": final_cm, "RTL_LOIT_TIME": 2000})
     station.fly(15)

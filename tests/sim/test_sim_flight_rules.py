@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+from profiles import full_only
 from px4_station import AUTO as PX4_AUTO
 from px4_station import HOLD, OFFBOARD, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -65,7 +66,7 @@ def test_a_reposition_does_not_change_the_speed() -> None:
     station.fly(20)
     assert station.reposition(300, 20, 2.0, 1) == 0
     station.wait(10)
-    assert station.fleet.truth().speed_m_s[0] > 8  # WPNAV_SPEED
+    assert station.speed_m_s > 8  # WPNAV_SPEED
 
 
 def test_a_copter_grounded_by_a_lost_motor_stays_down_when_the_motor_returns() -> None:
@@ -126,7 +127,7 @@ def test_a_plane_without_rotors_does_not_take_off_on_command() -> None:
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 50) == 4  # FAILED
 
 
-@pytest.mark.parametrize("mode", [FBWB, pytest.param(CRUISE, marks=pytest.mark.full)])
+@pytest.mark.parametrize("mode", [FBWB, *full_only(CRUISE)])
 def test_height_is_held_in_the_modes_that_control_it(mode: int) -> None:
     station = airborne_plane({"TKOFF_ALT": 100.0}, up_m=97)
     assert station.set_mode(mode) == 0

@@ -46,7 +46,7 @@ def test_ardupilot_returns_the_requested_size_and_px4_a_full_message() -> None:
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=examples(40))
+@settings(max_examples=examples(40))
 @given(content=st.binary(max_size=2000), reads=st.lists(st.tuples(st.integers(0, 2100), st.integers(1, 239))))
 def test_every_read_returns_its_part_of_the_file(
     rules: FtpRules, content: bytes, reads: list[tuple[int, int]]
@@ -63,7 +63,7 @@ def test_every_read_returns_its_part_of_the_file(
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=examples(40))
+@settings(max_examples=examples(40))
 @given(
     content=st.binary(max_size=3000),
     offset=st.integers(0, 3100),
@@ -176,7 +176,7 @@ def test_errors_have_the_autopilots_codes(rules: FtpRules) -> None:
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=examples(60))
+@settings(max_examples=examples(60))
 @given(
     payloads=st.lists(st.binary(min_size=251, max_size=251), max_size=12),
     opcodes=st.lists(st.integers(0, 17)),
@@ -266,7 +266,7 @@ PATHS = st.sampled_from(
 STEPS = st.tuples(st.sampled_from(["make", "rmdir", "write", "remove", "rename", "truncate"]), PATHS, PATHS)
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(150))
+@settings(max_examples=examples(150))
 @given(steps=st.lists(STEPS, max_size=14))
 def test_every_listed_entry_can_be_opened_after_any_operations(steps: list[Any]) -> None:
     tree = files()

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 pytestmark = pytest.mark.full
 
-MODEST = settings(max_examples=examples(25), derandomize=True, deadline=None)
+MODEST = settings(max_examples=examples(25))
 
 
 @MODEST

@@ -79,7 +79,7 @@ def test_ardupilot_counts_from_one_and_px4_from_zero() -> None:
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=examples(60))
+@settings(max_examples=examples(60))
 @given(
     content=st.binary(max_size=1500),
     asked=st.lists(
@@ -181,7 +181,7 @@ STEPS = st.one_of(
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=examples(80))
+@settings(max_examples=examples(80))
 @given(steps=st.lists(STEPS, max_size=25))
 def test_any_requests_leave_the_vehicle_working(rules: LogRules, steps: list[Any]) -> None:
     vehicle = Vehicle(rules, bytes(3_000), bytes(100), b"", bytes_s=5_000, max_bytes_at_once=500)

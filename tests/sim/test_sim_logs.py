@@ -264,7 +264,7 @@ ANGLES = st.floats(-math.pi, math.pi)
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=examples(50))
+@settings(max_examples=examples(50))
 @given(
     numbers=st.lists(st.floats(-1e4, 1e4) | st.just(math.nan), min_size=9, max_size=9),
     angles=st.tuples(ANGLES, ANGLES, ANGLES),
@@ -365,7 +365,7 @@ def test_erasing_the_current_log_ends_it() -> None:
 
 
 @given(size=st.integers(1, 2000))
-@settings(derandomize=True, deadline=None, max_examples=examples(50))
+@settings(max_examples=examples(50))
 def test_the_logs_of_a_fleet_stay_within_bounds(size: int) -> None:
     limits = limits_for(size)
     assert size * limits.logs * limits.log_bytes <= FLEET_BYTES

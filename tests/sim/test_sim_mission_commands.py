@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from px4_station import QuietPx4Station
+from px4_station import QuietPx4Station, command_item
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, item, land, place_m, takeoff, waypoint
 
@@ -139,7 +139,7 @@ def test_a_distance_condition_delays_a_do_command() -> None:
     station.until(lambda: 2 in station.reached, 60)
     assert 150 - place_m(station)[0] == pytest.approx(50, abs=3)
     station.wait(6)
-    assert station.fleet.truth().speed_m_s[0] == pytest.approx(3, abs=0.3)
+    assert station.speed_m_s == pytest.approx(3, abs=0.3)
 
 
 def test_another_current_item_drops_a_condition_and_its_do_command() -> None:
@@ -204,19 +204,14 @@ def test_the_nearest_landing_sequence_is_found() -> None:
 # -- PX4 -------------------------------------------------------------------------------------------------
 
 
-def px4_item(command: int, *args: float, **fields: Any) -> dict[str, Any]:
-    """Return a command without a position, in PX4's frame for it."""
-    return item(command, frame=2, x=0, y=0, **fields)
-
-
 def test_px4_flies_a_mission_over_its_do_commands_and_holds_at_the_end() -> None:
     station = QuietPx4Station()
     station.fly_mission(
         [
             takeoff(10),
-            px4_item(SPEED, param1=1, param2=4.0),
+            command_item(SPEED, param1=1, param2=4.0),
             waypoint(40, 0, 10),
-            px4_item(mavlink.MAV_CMD_CONDITION_DELAY, param1=3),
+            command_item(mavlink.MAV_CMD_CONDITION_DELAY, param1=3),
         ]
     )
     station.until(lambda: station.reached[-1:] == [2], 120)

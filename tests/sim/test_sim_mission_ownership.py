@@ -1,7 +1,7 @@
 """Missions with changes, pauses and invalid values in flight."""
 
 import pytest
-from px4_station import AUTO, MISSION, NAN, RETURN, QuietPx4Station
+from px4_station import AUTO, MISSION, NAN, RETURN, QuietPx4Station, command_item
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
     ALT_M,
@@ -61,7 +61,7 @@ def test_a_do_command_uploaded_at_the_current_index_is_executed() -> None:
     assert station.set_mode(COPTER_AUTO) == ACCEPTED
     station.wait(12)
     assert station.current == 3
-    assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
+    assert station.speed_m_s == pytest.approx(3.0, abs=0.2)
 
 
 def test_do_commands_before_a_selected_command_run_with_it() -> None:
@@ -73,7 +73,7 @@ def test_do_commands_before_a_selected_command_run_with_it() -> None:
     assert station.current == 3
     assert station.set_mode(COPTER_AUTO) == ACCEPTED
     station.wait(12)
-    assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
+    assert station.speed_m_s == pytest.approx(3.0, abs=0.2)
 
 
 def test_a_condition_continues_after_a_flight_in_another_mode() -> None:
@@ -86,7 +86,7 @@ def test_a_condition_continues_after_a_flight_in_another_mode() -> None:
     station.wait(4)
     assert station.set_mode(COPTER_AUTO) == ACCEPTED
     station.until(lambda: place_m(station)[0] > 130, 60)
-    assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
+    assert station.speed_m_s == pytest.approx(3.0, abs=0.2)
 
 
 # -- pauses ----------------------------------------------------------------------------------------------
@@ -216,7 +216,7 @@ def test_px4_starts_at_the_requested_item() -> None:
 
 def test_px4_flies_a_return_as_the_last_item_in_its_mode_without_a_report() -> None:
     station = QuietPx4Station()
-    rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=2, x=0, y=0)
+    rtl = command_item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     station.fly_mission([takeoff(10), waypoint(30, 0, 10.0), rtl])
     assert station.custom_mode == (AUTO, MISSION)
     station.until(lambda: station.custom_mode == (AUTO, RETURN), 90)

@@ -24,7 +24,7 @@ from sim_vehicle.serving.options import (
     read_param_file,
 )
 
-PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(60))
+PROPERTY = settings(max_examples=examples(60))
 
 
 @pytest.mark.parametrize(

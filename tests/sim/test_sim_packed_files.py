@@ -38,7 +38,7 @@ def made(parameters: dict[str, tuple[float, float]]) -> list[Parameter]:
     return [Parameter(name, value, default) for name, value, default in same]
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(150))
+@settings(max_examples=examples(150))
 @given(
     parameters=st.dictionaries(
         NAMES, VALUES.flatmap(lambda v: st.tuples(st.just(v), st.just(v) | st.just(type(v)(7)))), min_size=1
@@ -60,7 +60,7 @@ def test_pymavlink_reads_packed_parameters(
         }
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(60))
+@settings(max_examples=examples(60))
 @given(
     parameters=st.dictionaries(NAMES, VALUES, min_size=1, max_size=30),
     start=st.integers(0, 29),
@@ -88,7 +88,7 @@ def test_a_bad_query_is_refused(query: str) -> None:
         pack_parameters(FEW, query)
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(200))
+@settings(max_examples=examples(200))
 @given(content=st.binary(max_size=200), head=st.booleans())
 def test_any_upload_is_accepted_or_refused(content: bytes, head: bool) -> None:
     if head:

@@ -244,7 +244,7 @@ def _limits_kept(world: World) -> None:
 NUMBERS = st.floats(-1e4, 1e4)
 
 
-@settings(max_examples=examples(15, least=5), derandomize=True, deadline=None)
+@settings(max_examples=examples(15, least=5))
 @given(st.lists(st.tuples(st.integers(0, 6), NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))
 def test_any_orders_keep_a_plane_within_its_limits(orders: list[tuple[int, float, float, float]]) -> None:
     world, body = physics_bench.lone_plane(None, wind=WindSettings(7.0, 120.0, 2.0))

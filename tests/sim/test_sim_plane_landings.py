@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import pytest
+from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
     Station,
@@ -53,7 +54,7 @@ def test_a_return_may_go_to_the_landing_at_once() -> None:
     assert (station.mode, station.current) == ("AUTO", 4)
 
 
-@pytest.mark.parametrize("autoland", [0.0, pytest.param(3.0, marks=pytest.mark.full)])
+@pytest.mark.parametrize("autoland", [0.0, *full_only(3.0)])
 def test_a_return_without_autoland_circles_over_home(autoland: float) -> None:
     station = sent_home(RTL_AUTOLAND=autoland)
     station.wait(100)

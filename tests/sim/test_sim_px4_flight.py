@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+from profiles import full_only
 from px4_station import (
     ACCEPTED,
     AUTO,
@@ -95,8 +96,7 @@ def test_a_return_climbs_flies_home_descends_and_lands() -> None:
 @pytest.mark.parametrize(
     ("north_m", "highest_m"),
     [
-        pytest.param(0, 5, marks=pytest.mark.full),
-        pytest.param(3, 5, marks=pytest.mark.full),
+        *full_only((0, 5), (3, 5)),
         (8, 8),
         (12, 30),
     ],  # there; twice NAV_ACC_RAD; a cone of 45 deg; beyond
@@ -415,7 +415,7 @@ def test_mpc_yawrauto_max_is_the_turn_rate(rate_deg_s: float) -> None:
 # -- fixed wing ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("radius_m", [60.0, pytest.param(120.0, marks=pytest.mark.full)])
+@pytest.mark.parametrize("radius_m", [60.0, *full_only(120.0)])
 def test_a_plane_returns_to_a_circle_of_rtl_loiter_rad(radius_m: float) -> None:
     station = QuietPx4Station("plane", params={"RTL_LOITER_RAD": radius_m})
     assert station.arm() == ACCEPTED

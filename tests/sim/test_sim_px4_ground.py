@@ -241,7 +241,7 @@ def test_calibration_progress_is_reported_in_texts() -> None:
 # -- parameters ------------------------------------------------------------------------------------------
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(30))
+@settings(max_examples=examples(30))
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_every_integer_is_stored_exactly(number: int) -> None:
     station = Px4Station()

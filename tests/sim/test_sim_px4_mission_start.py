@@ -1,6 +1,7 @@
 """The start of a PX4 mission: a multicopter climbs in place to its first item (`Mission::handleTakeoff`)."""
 
 import pytest
+from profiles import full_only
 from px4_station import ACCEPTED, AUTO, HOLD, MISSION, QuietPx4Station
 from station import place_m, takeoff, waypoint
 
@@ -17,7 +18,10 @@ def test_a_copter_on_the_ground_climbs_to_its_first_item_before_it_moves(first: 
 
 @pytest.mark.parametrize(
     ("item_m", "climbs_first"),
-    [(25, True), *[pytest.param(*row, marks=pytest.mark.full) for row in ((10.5, False), (6, False))]],
+    [
+        (25, True),
+        *full_only((10.5, False), (6, False)),
+    ],
 )
 def test_a_copter_in_the_air_climbs_first_only_to_a_higher_item(item_m: float, *, climbs_first: bool) -> None:
     station = QuietPx4Station()

@@ -1,7 +1,17 @@
 """PX4 1.15: the distance of a mission (MIS_DIST_1WP), its current item, and answers of PX4 alone."""
 
 import pytest
-from px4_station import ACCEPTED, AUTO, DENIED, HOLD, LAND, MISSION, TEMPORARILY_REJECTED, QuietPx4Station
+from px4_station import (
+    ACCEPTED,
+    AUTO,
+    DENIED,
+    HOLD,
+    LAND,
+    MISSION,
+    TEMPORARILY_REJECTED,
+    QuietPx4Station,
+    command_item,
+)
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import item, place_m, takeoff, waypoint
 
@@ -58,23 +68,16 @@ def test_a_new_fence_checks_the_flying_mission_again() -> None:
 # -- the current item ------------------------------------------------------------------------------------
 
 
-def set_current(station: QuietPx4Station, index: int) -> None:
-    station.send(mavlink.MAVLink_mission_set_current_message(1, 1, index))
-
-
-def jump(to: int, times: int) -> dict[str, object]:
-    return item(mavlink.MAV_CMD_DO_JUMP, frame=2, x=0, y=0, param1=to, param2=times)
-
-
 def test_a_complete_mission_starts_again_from_a_requested_item_with_new_counts_of_jumps() -> None:
     station = QuietPx4Station()
-    station.fly_mission([takeoff(5), waypoint(10, 0, 5), waypoint(20, 0, 5), jump(1, 1), waypoint(25, 0, 5)])
+    jump = command_item(mavlink.MAV_CMD_DO_JUMP, param1=1, param2=1)
+    station.fly_mission([takeoff(5), waypoint(10, 0, 5), waypoint(20, 0, 5), jump, waypoint(25, 0, 5)])
     station.until(lambda: station.texts().count("Mission finished, loitering") == 1, 90)
     assert station.reached == [0, 1, 2, 1, 2, 4]
     station.change(AUTO, MISSION)
     station.wait(0.5)
     assert "No valid mission available, loitering" in station.texts()
-    set_current(station, 1)
+    station.set_current(1)
     assert station.change(AUTO, MISSION) == ACCEPTED
     station.until(lambda: station.texts().count("Mission finished, loitering") == 2, 90)
     assert station.reached[6:] == [1, 2, 1, 2, 4]
@@ -95,7 +98,7 @@ def test_the_vehicle_stays_at_an_item_without_autocontinue() -> None:
     assert station.reached == [0, 1]
     assert station.custom_mode == (AUTO, MISSION)
     assert place_m(station)[0] < 20
-    set_current(station, 2)
+    station.set_current(2)
     station.until(lambda: station.reached == [0, 1, 2], 60)
 
 

@@ -4,22 +4,16 @@ import math
 from typing import Any
 
 import pytest
-from px4_station import AUTO, HOLD, LAND, MISSION, RETURN, QuietPx4Station
+from px4_station import AUTO, HOLD, LAND, MISSION, RETURN, QuietPx4Station, command_item
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import item, land, place_m, takeoff, waypoint
 
 RADIUS_M = 60.0
-FRAME_MISSION = {"frame": mavlink.MAV_FRAME_MISSION}
 SETUP = {"RTL_RETURN_ALT": 30.0, "NAV_LOITER_RAD": 60.0, "NAV_FW_ALT_RAD": 60.0}
 
 
-def order(command: int, **fields: float) -> dict[str, Any]:
-    """Return a mission command without a position."""
-    return item(command, 0, 0, 0) | FRAME_MISSION | {"x": 0, "y": 0} | fields
-
-
 def land_start() -> dict[str, Any]:
-    return order(mavlink.MAV_CMD_DO_LAND_START)
+    return command_item(mavlink.MAV_CMD_DO_LAND_START)
 
 
 def circle(north_m: float, east_m: float, up_m: float = 20.0, radius_m: float = RADIUS_M) -> dict[str, Any]:
@@ -77,7 +71,7 @@ def away_m(station: QuietPx4Station, north_m: float, east_m: float) -> float:
         ),
         ([*ROUTE, up()], "takeoff not first waypoint item"),
         (
-            [up(), *HOME, order(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)],
+            [up(), *HOME, command_item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)],
             "land start item before RTL item not possible",
         ),
     ],
@@ -143,7 +137,7 @@ def test_a_plane_descends_on_the_circle_and_leaves_toward_the_landing() -> None:
 
 
 def test_a_jump_leads_past_the_landing_at_home() -> None:
-    jump = order(mavlink.MAV_CMD_DO_JUMP, param1=6.0, param2=1.0)
+    jump = command_item(mavlink.MAV_CMD_DO_JUMP, param1=6.0, param2=1.0)
     station = flown([up(), waypoint(600, 0, 40), jump, *HOME, *down(1200, 0)])
     station.until(lambda: not station.armed, 400)
     assert away_m(station, 1200, 0) < 60
@@ -152,7 +146,7 @@ def test_a_jump_leads_past_the_landing_at_home() -> None:
 def test_a_restarted_landing_spirals_down_around_its_position() -> None:
     station = flown([*ROUTE, *HOME])
     station.until(lambda: station.current == 2, 120)
-    station.send(mavlink.MAVLink_mission_set_current_message(1, 1, 5))
+    station.set_current(5)
     station.until(lambda: not station.armed, 400)
     assert away_m(station, 0, 0) == pytest.approx(RADIUS_M, abs=40)
 
@@ -221,8 +215,8 @@ def test_a_nearer_rally_point_replaces_the_landing_of_a_return() -> None:
 @pytest.mark.parametrize(
     "items",
     [
-        [*ROUTE, land_start(), circle(-250, RADIUS_M), order(mavlink.MAV_CMD_NAV_LAND) | {"frame": 6}],
-        [*ROUTE, land_start(), order(mavlink.MAV_CMD_NAV_LAND) | {"frame": 6}],
+        [*ROUTE, land_start(), circle(-250, RADIUS_M), command_item(mavlink.MAV_CMD_NAV_LAND) | {"frame": 6}],
+        [*ROUTE, land_start(), command_item(mavlink.MAV_CMD_NAV_LAND) | {"frame": 6}],
     ],
 )
 def test_a_return_ignores_a_landing_without_a_position(items: list[dict[str, Any]], kind: int) -> None:

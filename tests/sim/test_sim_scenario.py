@@ -457,7 +457,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(max_examples=examples(200), derandomize=True, deadline=None)
+@settings(max_examples=examples(200))
 @given(st.dictionaries(KEYS, VALUES, max_size=6))
 def test_a_random_file_is_a_scenario_or_has_errors_with_lines(data: dict[str, Any]) -> None:
     text = yaml.safe_dump({"home": {"lat_deg": 46.0, "lon_deg": 14.5}, **data})

@@ -19,7 +19,7 @@ from sim_vehicle.serving.options import FleetOptions, make_scenario
 from sim_vehicle.serving.pace import ManualPace
 from sim_vehicle.serving.server import MAX_DATAGRAM_BYTES, Lateness, Server, joined
 
-PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(50))
+PROPERTY = settings(max_examples=examples(50))
 FRAMES = st.lists(st.tuples(st.integers(0, 4), st.binary(min_size=1, max_size=300)), max_size=40)
 
 

@@ -4,9 +4,8 @@ from typing import Any
 
 import pytest
 from fuzz_bench import Bench
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.fleet import Fleet
@@ -42,7 +41,6 @@ def packed(message: mavlink.MAVLink_message, codec: mavlink.MAVLink | None = Non
     return bytes(message.pack(codec or station(None), **kwargs))
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(100))
 @given(text=st.binary(min_size=1, max_size=50), severity=st.integers(0, 7), seq=st.integers(0, 255))
 def test_pymavlink_accepts_signed_frames(text: bytes, severity: int, seq: int) -> None:
     codec = station(None)
@@ -114,7 +112,6 @@ def test_a_forged_frame_does_not_move_the_clock_of_its_stream() -> None:
     assert signing.accepts(packed(attitude(), station()))
 
 
-@settings(derandomize=True, deadline=None, max_examples=examples(100))
 @given(st.integers(0, 10_000), st.integers(1, 255))
 def test_a_frame_with_a_changed_byte_is_refused(place: int, change: int) -> None:
     frame = bytearray(packed(attitude(), station()))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
+from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, airborne_plane, place_m
 
@@ -202,10 +203,7 @@ def test_stabilize_takes_off_climbs_and_falls_by_its_throttle() -> None:
     [
         (1000, -2.5),
         (1800, 1.3),
-        *[
-            pytest.param(*row, marks=pytest.mark.full)
-            for row in ((1200, -1.45), (1450, 0.0), (1500, 0.0), (2000, 2.5))
-        ],
+        *full_only((1200, -1.45), (1450, 0.0), (1500, 0.0), (2000, 2.5)),
     ],
 )
 def test_alt_hold_climbs_by_the_throttle_outside_its_deadzone(throttle_us: int, climb_m_s: float) -> None:
@@ -218,10 +216,7 @@ def test_alt_hold_climbs_by_the_throttle_outside_its_deadzone(throttle_us: int, 
     ("roll_us", "pitch_us", "lean_deg"),
     [
         (2000, 1000, (22, -20.5)),
-        *[
-            pytest.param(*row, marks=pytest.mark.full)
-            for row in ((1500, 1000, (0, -30)), (1750, 1500, (14.4, 0)))
-        ],
+        *full_only((1500, 1000, (0, -30)), (1750, 1500, (14.4, 0))),
     ],
 )
 def test_alt_hold_leans_up_to_angle_max(roll_us: int, pitch_us: int, lean_deg: tuple[float, float]) -> None:
@@ -255,7 +250,7 @@ def test_alt_hold_drifts_with_the_wind_and_loiter_does_not() -> None:
     assert drifts_m[LOITER] == pytest.approx(0, abs=2)
 
 
-@pytest.mark.parametrize("mode", [LOITER, pytest.param(POSHOLD, marks=pytest.mark.full)])
+@pytest.mark.parametrize("mode", [LOITER, *full_only(POSHOLD)])
 def test_loiter_flies_by_the_sticks_brakes_and_holds(mode: int) -> None:
     station = flying(mode)
     start_m = place_m(station)

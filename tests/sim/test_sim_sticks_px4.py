@@ -6,6 +6,7 @@ The numbers are those of PX4 1.15.3 in software-in-the-loop, for the same inputs
 import math
 
 import pytest
+from profiles import full_only
 from px4_station import (
     ACCEPTED,
     ALTITUDE,
@@ -135,7 +136,7 @@ def test_position_takes_off_flies_brakes_and_holds() -> None:
     ("throttle", "climb_m_s"),
     [
         (250, -0.35),
-        *[pytest.param(*row, marks=pytest.mark.full) for row in ((0, -1.5), (540, 0.0), (1000, 3.0))],
+        *full_only((0, -1.5), (540, 0.0), (1000, 3.0)),
     ],
 )
 def test_altitude_leans_and_climbs(throttle: int, climb_m_s: float) -> None:

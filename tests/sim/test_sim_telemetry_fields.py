@@ -256,7 +256,7 @@ def test_ardupilot_reports_a_target_in_modes_with_a_target() -> None:
     station.fly_mission([takeoff(), waypoint(60, 0), land(60, 0)])
     station.wait(2)
     assert not _reports(station, GLOBAL_TARGET)  # during take-off
-    station.until(lambda: station.fleet.truth().speed_m_s[0] > 3, 60)
+    station.until(lambda: station.speed_m_s > 3, 60)
     assert station.ask(GLOBAL_TARGET).lat_int == pytest.approx((LAT_DEG + 60 / NORTH_M_DEG) * 1e7, abs=30)
     assert not _reports(station, LOCAL_TARGET)
     assert station.set_mode(17) == 0  # BRAKE

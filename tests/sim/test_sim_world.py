@@ -50,7 +50,7 @@ def rows(world: World, index: int) -> list[list[float]]:
     ]
 
 
-@settings(max_examples=examples(6, least=2), derandomize=True, deadline=None)
+@settings(max_examples=examples(6, least=2))
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 50)), min_size=2, max_size=6))
 def test_a_vehicle_flies_alike_alone_and_in_a_fleet(fleet: list[tuple[bool, int]]) -> None:
     together = flown([plane for plane, _ in fleet], [seed for _, seed in fleet])

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, Station, fleet_of
+from station import ALT_M, Station, fleet_of, item
 
 from sim_vehicle.personalities import personality_of
 from sim_vehicle.station.messages import to_wire
@@ -14,6 +14,11 @@ ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 MANUAL, ALTITUDE, POSITION, AUTO, ACRO, OFFBOARD, STABILIZED = 1, 2, 3, 4, 5, 6, 7
 TAKEOFF, HOLD, MISSION, RETURN, LAND, FOLLOW = 2, 3, 4, 5, 6, 8
 NAN = math.nan
+
+
+def command_item(command: int, **fields: float) -> dict[str, Any]:
+    """Return a mission command without a position, in PX4's frame for it."""
+    return item(command, frame=mavlink.MAV_FRAME_MISSION, x=0, y=0, **fields)
 
 
 class Px4Station(Station):

@@ -178,6 +178,10 @@ class Station:
     def count(self, count: int) -> list[Any]:
         return self.send(mavlink.MAVLink_mission_count_message(self.target, 0, count, 0))
 
+    def set_current(self, seq: int) -> list[Any]:
+        """Send MISSION_SET_CURRENT; return the immediate answers."""
+        return self.send(mavlink.MAVLink_mission_set_current_message(self.target, 1, seq))
+
     def upload(self, items: Sequence[dict[str, Any]], kind: int = MISSION) -> int:
         """Upload items, each requested once and in order; return the type of the acknowledgement."""
         queue: list[Any] = []
@@ -268,6 +272,10 @@ class Station:
     @property
     def height_m(self) -> float:
         return float(self.fleet.truth().height_m[0])
+
+    @property
+    def speed_m_s(self) -> float:
+        return float(self.fleet.truth().speed_m_s[0])
 
     @property
     def velocity_m_s(self) -> tuple[float, float, float]:

@@ -78,9 +78,6 @@ class TransferStation(Station):
     def clear(self, kind: int = MISSION) -> list[int]:
         return acks(self.send(mavlink.MAVLink_mission_clear_all_message(1, 1, kind)))
 
-    def set_current(self, seq: int) -> None:
-        self.send(mavlink.MAVLink_mission_set_current_message(1, 1, seq))
-
 
 class Px4TransferStation(TransferStation, QuietPx4Station):
     """The same of a PX4 multicopter."""
