@@ -7,17 +7,9 @@ from typing import Any
 import pytest
 from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.action import OrbitYawBehavior
+from mavsdk.plugins.mission_raw import MissionItem
 from mavsdk.plugins.telemetry import FlightMode, LandedState
-from mavsdk_peer import (
-    COPTERS,
-    MavsdkPeer,
-    StreamedValues,
-    Vehicle,
-    connected,
-    raw_item,
-    refusal,
-    side_by_side,
-)
+from mavsdk_peer import COPTERS, MavsdkPeer, Vehicle, connected, refusal, side_by_side
 from station import LAT_DEG, LON_DEG, home_item, land, takeoff, waypoint
 
 pytestmark = pytest.mark.interop
@@ -98,7 +90,11 @@ def placed(vehicle: Vehicle, route: Sequence[dict[str, Any]]) -> list[dict[str, 
 
 def upload(vehicle: Vehicle, route: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     plan = placed(vehicle, route)
-    vehicle.mission_raw.upload_mission([raw_item(seq, fields) for seq, fields in enumerate(plan)])
+    items = [
+        MissionItem(seq=seq, current=int(seq == 0), autocontinue=1, mission_type=0, **fields)
+        for seq, fields in enumerate(plan)
+    ]
+    vehicle.mission_raw.upload_mission(items)
     return plan
 
 
@@ -135,13 +131,14 @@ def test_a_raw_mission_is_stored_and_flown_to_its_landing(slow: MavsdkPeer, pers
     last = plan[-1]
     assert places[-1] == (last["x"], last["y"])
     assert kept[-2].z == pytest.approx(9.4 if vehicle.px4 else 9.39)
-    progress = StreamedValues()
-    raw.subscribe_mission_progress(progress, None)
+    progress: list[Any] = []
+    raw.subscribe_mission_progress(lambda update, _: progress.append(update), None)
     vehicle.action.arm()
     start(vehicle, raw)
     vehicle.until(lambda: vehicle.height_m > 8, "8 m high")
     vehicle.disarmed()
     assert vehicle.near(25, 25)
-    assert progress.until(lambda p: p.current >= len(ROUTE) - 1).total == len(plan)
+    last = next(update for update in progress if update.current >= len(ROUTE) - 1)
+    assert last.total == len(plan)
     raw.clear_mission()
     assert len(raw.download_mission()) == (0 if vehicle.px4 else 1)  # ArduPilot's home stays

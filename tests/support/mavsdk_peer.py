@@ -6,7 +6,6 @@ because they mostly wait.
 
 import json
 import math
-import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -20,7 +19,7 @@ from mavsdk import Autopilot, ComponentType, Configuration, ConnectionResult, Ma
 from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
-from mavsdk.plugins.mission_raw import MissionItem, MissionRaw
+from mavsdk.plugins.mission_raw import MissionRaw
 from mavsdk.plugins.telemetry import FlightMode, Telemetry
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulator_process import LIMIT_S, free_udp_port, simulator
@@ -222,28 +221,6 @@ def connected(*arguments: str) -> Iterator[MavsdkPeer]:
         mavsdk.destroy()
 
 
-class StreamedValues:
-    """The values of a subscription."""
-
-    def __init__(self) -> None:
-        self._queue: queue.Queue[Any] = queue.Queue()
-        self.seen: list[Any] = []
-
-    def __call__(self, value: Any, *_: Any) -> None:
-        self._queue.put(value)
-
-    def next(self) -> Any:
-        value = self._queue.get(timeout=LIMIT_S)
-        self.seen.append(value)
-        return value
-
-    def until(self, condition: Callable[[Any], bool]) -> Any:
-        """Return the first value that satisfies a condition."""
-        while not condition(value := self.next()):
-            pass
-        return value
-
-
 def side_by_side(test: Callable[..., None]) -> Callable[..., None]:
     """Run a test for all personalities in parallel; each case reports its own result."""
     ended: dict[str, Future[None]] = {}
@@ -264,8 +241,3 @@ def refusal(call: Callable[..., Any], *arguments: Any) -> str:
     with pytest.raises(MavsdkError) as caught:
         call(*arguments)
     return str(caught.value.result.name)
-
-
-def raw_item(seq: int, fields: dict[str, Any]) -> MissionItem:
-    """Return an item of `station` for the mission_raw plug-in."""
-    return MissionItem(seq=seq, current=int(seq == 0), autocontinue=1, mission_type=0, **fields)

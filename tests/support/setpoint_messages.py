@@ -18,12 +18,11 @@ def setpoint(
     acceleration: Axes = NONE,
     *,
     yaw: float | None = None,
-    yaw_rate: float | None = None,
     frame: int = LOCAL,
     force: bool = False,
 ) -> Any:
     """North, east, down, or a global position of 1e-7 deg and m; None: ignored in the type mask."""
-    values = [*position, *velocity, *acceleration, yaw, yaw_rate]
+    values = [*position, *velocity, *acceleration, yaw, None]
     bits = [*range(9), 10, 11]
     mask = sum(1 << bit for bit, value in zip(bits, values, strict=True) if value is None)
     fields = frame, mask | (0x200 if force else 0), *(value or 0 for value in values)
