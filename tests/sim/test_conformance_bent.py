@@ -6,16 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from bent_vehicle import (
-    HOME,
-    DroppingWire,
-    FleetWire,
-    acknowledged,
-    conform,
-    failures_with,
-    fleet,
-    named,
-)
+from bent_vehicle import HOME, DroppingWire, FleetWire, acknowledged, conform, failures_with, fleet, named
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.checks.signing import KEY

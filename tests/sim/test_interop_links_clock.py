@@ -187,9 +187,7 @@ def test_a_server_that_disconnects_at_once_causes_one_warning() -> None:
     in_loop(dials)
 
 
-def test_a_connection_lost_during_its_setup_is_retried(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_connection_lost_during_its_setup_is_retried(monkeypatch: pytest.MonkeyPatch) -> None:
     class DisconnectedSocket(socket.socket):
         def getpeername(self) -> Any:
             raise OSError(errno.ENOTCONN, "Transport endpoint is not connected")

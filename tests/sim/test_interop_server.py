@@ -131,10 +131,7 @@ def test_lost_output_does_not_end_the_fleet(lost: str) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize(
     ("reader", "message"),
-    [
-        ("/dev/full", "sim_vehicle: standard output is lost (No space left on device)\n"),
-        (None, ""),
-    ],
+    [("/dev/full", "sim_vehicle: standard output is lost (No space left on device)\n"), (None, "")],
 )
 @pytest.mark.parametrize(("height_m", "code"), [(1, 1), (50, 0)])
 def test_a_run_with_lost_output_exits_with_its_verdict(

@@ -6,16 +6,7 @@ from typing import Any
 import ardupilot_messages as firmware
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import (
-    ALT_M,
-    LAT_DEG,
-    Station,
-    airborne_plane,
-    land,
-    station_of,
-    takeoff,
-    waypoint,
-)
+from station import ALT_M, LAT_DEG, Station, airborne_plane, land, station_of, takeoff, waypoint
 
 STRIKES = {mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT}  # added by the simulator, for a scenario with hostiles
 UNGROUPED = {"HEARTBEAT", "TIMESYNC", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}

@@ -8,15 +8,7 @@ from profiles import full_only
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from setpoint_messages import BODY, BODY_OFFSET, LOCAL, OFFSET, setpoint
-from station import (
-    Station,
-    airborne_plane,
-    item,
-    place_m,
-    station_of,
-    takeoff,
-    waypoint,
-)
+from station import Station, airborne_plane, item, place_m, station_of, takeoff, waypoint
 
 GUIDED, RTL_PLANE, GUIDED_PLANE = 4, 11, 15
 FAILED = 4
@@ -167,11 +159,7 @@ def test_a_plane_without_a_return_point_flies_home_at_the_requested_altitude() -
 
 
 @pytest.mark.parametrize(
-    ("start_m", "altitude_m", "end_m"),
-    [
-        (160, 100, 100),
-        *full_only((50, 100, 100), (160, -1, 160)),
-    ],
+    ("start_m", "altitude_m", "end_m"), [(160, 100, 100), *full_only((50, 100, 100), (160, -1, 160))]
 )
 def test_a_plane_returns_at_its_altitude_from_above_and_below(
     start_m: float, altitude_m: float, end_m: float
@@ -205,13 +193,7 @@ def test_the_time_of_a_breach_counts_from_the_boot() -> None:
 
 
 @pytest.mark.parametrize(
-    ("frame", "turns"),
-    [
-        (LOCAL, False),
-        (OFFSET, False),
-        (BODY, True),
-        (BODY_OFFSET, True),
-    ],
+    ("frame", "turns"), [(LOCAL, False), (OFFSET, False), (BODY, True), (BODY_OFFSET, True)]
 )
 def test_a_yaw_in_a_body_frame_is_relative_to_the_heading(frame: int, turns: bool) -> None:
     station = Station()

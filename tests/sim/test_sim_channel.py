@@ -97,9 +97,7 @@ def test_burst_loss_has_its_rate_and_burst_length() -> None:
 
 @settings(max_examples=examples(40))
 @given(
-    lengths=st.lists(st.integers(1, 280), max_size=40),
-    seed=st.integers(0, 2**32),
-    gap_s=st.floats(0, 0.5),
+    lengths=st.lists(st.integers(1, 280), max_size=40), seed=st.integers(0, 2**32), gap_s=st.floats(0, 0.5)
 )
 def test_a_fault_without_losses_passes_every_frame_in_order(
     lengths: list[int], seed: int, gap_s: float

@@ -147,8 +147,7 @@ def test_a_mission_beyond_a_new_fence_is_not_complete() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "personality", "mode"),
-    [("copter", "px4", "Return"), ("plane", "ardupilot", "RTL")],
+    ("kind", "personality", "mode"), [("copter", "px4", "Return"), ("plane", "ardupilot", "RTL")]
 )
 def test_mode_names_map_to_the_numbers_of_each_autopilot(kind: str, personality: str, mode: str) -> None:
     vehicle = f"{{personality: {personality}, type: {kind}}}"

@@ -214,10 +214,7 @@ def test_a_crashed_vehicle_has_not_landed(line: Any, found: str) -> None:
 
 @pytest.mark.parametrize(
     ("fields", "found"),
-    [
-        ({}, "0 m high, disarmed, not flown yet"),
-        ({"flown": YES, "truth": {"armed": YES}}, "0 m high, armed"),
-    ],
+    [({}, "0 m high, disarmed, not flown yet"), ({"flown": YES, "truth": {"armed": YES}}, "0 m high, armed")],
 )
 def test_a_missing_landing_reports_the_state(fields: dict[str, Any], found: str) -> None:
     assert check_of("landed").end(view(**fields))[0].found == found
@@ -246,10 +243,7 @@ def test_a_failure_has_time_vehicle_check_and_value() -> None:
 
 
 @settings(max_examples=examples(60))
-@given(
-    count=st.integers(0, N),
-    places=st.lists(st.tuples(*[st.floats(-50, 50)] * 3), min_size=N, max_size=N),
-)
+@given(count=st.integers(0, N), places=st.lists(st.tuples(*[st.floats(-50, 50)] * 3), min_size=N, max_size=N))
 def test_separation_is_the_distance_to_the_nearest_other_in_the_air(
     count: int, places: list[tuple[float, float, float]]
 ) -> None:

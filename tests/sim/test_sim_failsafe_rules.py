@@ -3,16 +3,7 @@
 import pytest
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import (
-    Station,
-    airborne_plane,
-    home_item,
-    land,
-    landing_mission,
-    station_of,
-    takeoff,
-    waypoint,
-)
+from station import Station, airborne_plane, home_item, land, landing_mission, station_of, takeoff, waypoint
 
 FAILED = int(mavlink.MAV_RESULT_FAILED)
 FORCE = 21196

@@ -144,11 +144,7 @@ def test_a_return_stays_under_the_fence() -> None:
 
 @pytest.mark.parametrize(
     ("north_m", "slope", "highest_m"),
-    [
-        (0, 3.0, 5.0),
-        (3, 3.0, 9.0),
-        *full_only((30, 3.0, 15.0), (0, 0.0, 15.0), (3, 0.4, 15.0)),
-    ],
+    [(0, 3.0, 5.0), (3, 3.0, 9.0), *full_only((30, 3.0, 15.0), (0, 0.0, 15.0), (3, 0.4, 15.0))],
 )
 def test_a_return_close_to_home_climbs_to_the_cone_of_rtl_cone_slope(
     north_m: float, slope: float, highest_m: float

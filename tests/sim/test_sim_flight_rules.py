@@ -9,17 +9,7 @@ from profiles import full_only
 from px4_station import AUTO as PX4_AUTO
 from px4_station import HOLD, OFFBOARD, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import (
-    Station,
-    airborne_plane,
-    home_item,
-    item,
-    land,
-    place_m,
-    station_of,
-    takeoff,
-    waypoint,
-)
+from station import Station, airborne_plane, home_item, item, land, place_m, station_of, takeoff, waypoint
 
 FBWA, FBWB, CRUISE, TAKEOFF_MODE, PLANE_GUIDED = 5, 6, 7, 13, 15
 

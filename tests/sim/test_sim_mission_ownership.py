@@ -3,17 +3,7 @@
 import pytest
 from px4_station import AUTO, MISSION, NAN, RETURN, QuietPx4Station, command_item
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import (
-    ALT_M,
-    Station,
-    home_item,
-    item,
-    landing_mission,
-    place_m,
-    station_of,
-    takeoff,
-    waypoint,
-)
+from station import ALT_M, Station, home_item, item, landing_mission, place_m, station_of, takeoff, waypoint
 
 GUIDED, COPTER_AUTO, RTL = 4, 3, 6
 PLANE_RTL, PLANE_TAKEOFF = 11, 13

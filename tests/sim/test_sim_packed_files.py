@@ -117,11 +117,7 @@ def test_the_file_tree_of_px4_has_the_metadata() -> None:
 
 
 @pytest.mark.parametrize(
-    ("utc_s", "name"),
-    [
-        (0, "1970-01-01/00_00_00.ulg"),
-        (1_735_689_599, "2024-12-31/23_59_59.ulg"),
-    ],
+    ("utc_s", "name"), [(0, "1970-01-01/00_00_00.ulg"), (1_735_689_599, "2024-12-31/23_59_59.ulg")]
 )
 def test_logs_of_px4_are_named_by_date_and_time(utc_s: float, name: str) -> None:
     assert px4_log_name(StoredLog(1, utc_s, utc_s, bytearray())) == name

@@ -6,16 +6,7 @@ from typing import Any
 import pytest
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import (
-    Station,
-    home_item,
-    item,
-    land,
-    place_m,
-    station_of,
-    takeoff,
-    waypoint,
-)
+from station import Station, home_item, item, land, place_m, station_of, takeoff, waypoint
 
 RTL, GUIDED = 11, 15
 RADIUS_M = 70.0

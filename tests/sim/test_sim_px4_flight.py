@@ -95,11 +95,7 @@ def test_a_return_climbs_flies_home_descends_and_lands() -> None:
 
 @pytest.mark.parametrize(
     ("north_m", "highest_m"),
-    [
-        *full_only((0, 5), (3, 5)),
-        (8, 8),
-        (12, 30),
-    ],  # there; twice NAV_ACC_RAD; a cone of 45 deg; beyond
+    [*full_only((0, 5), (3, 5)), (8, 8), (12, 30)],  # there; twice NAV_ACC_RAD; a cone of 45 deg; beyond
 )
 def test_a_return_within_rtl_min_dist_climbs_to_a_cone(north_m: float, highest_m: float) -> None:
     station = QuietPx4Station()

@@ -374,13 +374,7 @@ def _obeys(target: tuple[int, int], name: str) -> bool:
 
 @pytest.mark.parametrize(
     ("name", "systems"),
-    [
-        ("set", (1,)),
-        ("read", (1,)),
-        ("list", (1,)),
-        ("origin", (1,)),
-        ("setpoint", (0, 1)),
-    ],
+    [("set", (1,)), ("read", (1,)), ("list", (1,)), ("origin", (1,)), ("setpoint", (0, 1))],
 )
 def test_px4_obeys_only_setpoints_among_messages_to_all_systems(name: str, systems: tuple[int, ...]) -> None:
     for system in (0, 1, 9):

@@ -16,13 +16,7 @@ def test_a_copter_on_the_ground_climbs_to_its_first_item_before_it_moves(first: 
     assert [message.seq for message in station.of("MISSION_ITEM_REACHED")] == [0, 1]
 
 
-@pytest.mark.parametrize(
-    ("item_m", "climbs_first"),
-    [
-        (25, True),
-        *full_only((10.5, False), (6, False)),
-    ],
-)
+@pytest.mark.parametrize(("item_m", "climbs_first"), [(25, True), *full_only((10.5, False), (6, False))])
 def test_a_copter_in_the_air_climbs_first_only_to_a_higher_item(item_m: float, *, climbs_first: bool) -> None:
     station = QuietPx4Station()
     station.fly_mission([takeoff(10), waypoint(30, 0, 10), waypoint(200, 0, 10)])

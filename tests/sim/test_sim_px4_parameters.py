@@ -1,16 +1,7 @@
 """Effects of PX4's parameters, and its GPS in SYS_STATUS."""
 
 import pytest
-from px4_station import (
-    ACCEPTED,
-    AUTO,
-    HOLD,
-    MANUAL,
-    MISSION,
-    RETURN,
-    TEMPORARILY_REJECTED,
-    Px4Station,
-)
+from px4_station import ACCEPTED, AUTO, HOLD, MANUAL, MISSION, RETURN, TEMPORARILY_REJECTED, Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import takeoff, waypoint
 

@@ -200,11 +200,7 @@ def test_stabilize_takes_off_climbs_and_falls_by_its_throttle() -> None:
 
 @pytest.mark.parametrize(
     ("throttle_us", "climb_m_s"),
-    [
-        (1000, -2.5),
-        (1800, 1.3),
-        *full_only((1200, -1.45), (1450, 0.0), (1500, 0.0), (2000, 2.5)),
-    ],
+    [(1000, -2.5), (1800, 1.3), *full_only((1200, -1.45), (1450, 0.0), (1500, 0.0), (2000, 2.5))],
 )
 def test_alt_hold_climbs_by_the_throttle_outside_its_deadzone(throttle_us: int, climb_m_s: float) -> None:
     station = flying(ALT_HOLD)
@@ -214,10 +210,7 @@ def test_alt_hold_climbs_by_the_throttle_outside_its_deadzone(throttle_us: int, 
 
 @pytest.mark.parametrize(
     ("roll_us", "pitch_us", "lean_deg"),
-    [
-        (2000, 1000, (22, -20.5)),
-        *full_only((1500, 1000, (0, -30)), (1750, 1500, (14.4, 0))),
-    ],
+    [(2000, 1000, (22, -20.5)), *full_only((1500, 1000, (0, -30)), (1750, 1500, (14.4, 0)))],
 )
 def test_alt_hold_leans_up_to_angle_max(roll_us: int, pitch_us: int, lean_deg: tuple[float, float]) -> None:
     station = flying(ALT_HOLD)

@@ -133,11 +133,7 @@ def test_position_takes_off_flies_brakes_and_holds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("throttle", "climb_m_s"),
-    [
-        (250, -0.35),
-        *full_only((0, -1.5), (540, 0.0), (1000, 3.0)),
-    ],
+    ("throttle", "climb_m_s"), [(250, -0.35), *full_only((0, -1.5), (540, 0.0), (1000, 3.0))]
 )
 def test_altitude_leans_and_climbs(throttle: int, climb_m_s: float) -> None:
     station = flying(ALTITUDE)

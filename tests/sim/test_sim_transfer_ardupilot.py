@@ -33,14 +33,7 @@ def ring(vertices: int, command: int = POLYGON) -> list[dict[str, Any]]:
         (math.cos(2 * math.pi * i / vertices), math.sin(2 * math.pi * i / vertices)) for i in range(vertices)
     ]
     return [
-        fields(
-            i,
-            command,
-            frame=3,
-            param1=vertices,
-            x=X + round(1e4 * a),
-            y=Y + round(1e4 * b),
-        )
+        fields(i, command, frame=3, param1=vertices, x=X + round(1e4 * a), y=Y + round(1e4 * b))
         for i, (a, b) in enumerate(corners)
     ]
 
