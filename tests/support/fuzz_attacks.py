@@ -66,17 +66,9 @@ def likely_commands(bench: Bench, source: random.Random) -> Iterator[Any]:
                 sysid, 1, command, 0, *nearly[:4], *at_deg, source.choice((ALT_M + 20, 20.0, nearly[6]))
             )
         else:
-            yield mavlink.MAVLink_command_int_message(
-                sysid,
-                1,
-                source.choice((0, 3, 6)),
-                command,
-                0,
-                0,
-                *nearly[:4],
-                *place(source),
-                source.choice((20.0, nearly[6])),
-            )
+            frame, at = source.choice((0, 3, 6)), place(source)
+            up_m = source.choice((20.0, nearly[6]))
+            yield mavlink.MAVLink_command_int_message(sysid, 1, frame, command, 0, 0, *nearly[:4], *at, up_m)
         if source.random() < 0.1:
             yield cancellation(sysid, 1, command)
 
@@ -128,30 +120,16 @@ def in_order(bench: Bench, source: random.Random, kind: int, count: int) -> list
     fenced, vertices = source.choice(((5001, count), (5002, count), (5003, 30), (5004, 5)))
     for seq in range(count):
         x, y = (round((at + source.uniform(-1e-4, 1e-4)) * 1e7) for at in (LAT_DEG, LON_DEG + 1e-3))
-        wide = 30_000 if kind == 1 else 0
-        if wide:
+        if kind == 1:
             angle = 2 * math.pi * seq / count
-            x, y = (
-                round(LAT_DEG * 1e7 + wide * math.cos(angle)),
-                round(LON_DEG * 1e7 + wide * math.sin(angle)),
-            )
+            x = round(LAT_DEG * 1e7 + 30_000 * math.cos(angle))
+            y = round(LON_DEG * 1e7 + 30_000 * math.sin(angle))
         frame, command = {1: (3, fenced), 2: (3, 5100)}.get(
             kind, (3, 22) if seq < 2 else source.choice(flown)
         )
         param1 = float(vertices) if kind == 1 else source.choice((0.0, 0.0, 1.0, 3.0))
-        items.append(
-            [
-                frame,
-                command,
-                0,
-                1,
-                param1,
-                *(source.choice((0.0, 0.0, 1.0, 3.0)) for _ in range(3)),
-                x,
-                y,
-                12.0,
-            ]
-        )
+        others = [source.choice((0.0, 0.0, 1.0, 3.0)) for _ in range(3)]
+        items.append([frame, command, 0, 1, param1, *others, x, y, 12.0])
     return items
 
 

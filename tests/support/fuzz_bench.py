@@ -114,14 +114,10 @@ class Bench:
         for sysid in (1, 2):
             take_off = mavlink.MAV_CMD_NAV_TAKEOFF
             if self.name == "px4":
-                assert (
-                    self.command(take_off, 0, 0, 0, math.nan, math.nan, math.nan, ALT_M + 30, sysid=sysid)
-                    == 0
-                )
-            elif self.kind == "copter":
-                assert self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4, sysid=sysid) == 0
+                assert self.command(take_off, 0, 0, 0, *[math.nan] * 3, ALT_M + 30, sysid=sysid) == 0
             else:
-                assert self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 13, sysid=sysid) == 0
+                mode = 4 if self.kind == "copter" else 13
+                assert self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, mode, sysid=sysid) == 0
             assert self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, sysid=sysid) == 0
             if self.name == "ardupilot" and self.kind == "copter":
                 assert self.command(take_off, 0, 0, 0, 0, 0, 0, 30, sysid=sysid) == 0
