@@ -32,6 +32,7 @@ from sim_vehicle.conformance.registry import CATEGORIES, all_checks, check, sele
 from sim_vehicle.conformance.runner import Outcome, granted_permissions, run
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION
+from sim_vehicle.station.messages import command_long
 
 VEHICLES = [(name, kind) for name in ("ardupilot", "px4") for kind in ("copter", "plane")]
 
@@ -110,15 +111,12 @@ def test_a_vehicle_that_is_not_the_simulator_is_not_armed_rebooted_or_altered() 
 
 
 def test_messages_map_to_their_permissions() -> None:
-    def long(command: int, *params: float) -> Any:
-        return mavlink.MAVLink_command_long_message(1, 1, command, 0, *params, *[0.0] * (7 - len(params)))
-
-    assert permission_for(long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)) == "arm"
-    assert permission_for(long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, float("nan"))) == "arm"
-    assert permission_for(long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)) is None
-    assert permission_for(long(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)) == "reboot"
+    assert permission_for(command_long((1, 1), mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)) == "arm"
+    assert permission_for(command_long((1, 1), mavlink.MAV_CMD_COMPONENT_ARM_DISARM, float("nan"))) == "arm"
+    assert permission_for(command_long((1, 1), mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)) is None
+    assert permission_for(command_long((1, 1), mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)) == "reboot"
     assert permission_for(mavlink.MAVLink_log_erase_message(1, 1)) == "alter"
-    assert permission_for(long(mavlink.MAV_CMD_REQUEST_MESSAGE, 1)) is None
+    assert permission_for(command_long((1, 1), mavlink.MAV_CMD_REQUEST_MESSAGE, 1)) is None
 
 
 def test_ground_only_applies_to_the_simulator() -> None:
@@ -154,14 +152,9 @@ def test_a_vehicle_armed_before_the_run_is_left_alone() -> None:
     inner = fleet(ready_s=0.0)
     wire = FleetWire(inner)
     codec = mavlink.MAVLink(None, 200, 190)
-    for command, param1, param2 in (
-        (mavlink.MAV_CMD_DO_SET_MODE, 1, 4),
-        (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0),
-    ):
+    for number, *params in ((mavlink.MAV_CMD_DO_SET_MODE, 1, 4), (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)):
         wire.receive(5.0)
-        wire.send(
-            mavlink.MAVLink_command_long_message(1, 1, command, 0, param1, param2, *[0.0] * 5).pack(codec)
-        )
+        wire.send(command_long((1, 1), number, *params).pack(codec))
     while not inner.truth().armed[0]:
         wire.receive(1.0)
         assert wire.now_s() < 60
@@ -175,7 +168,7 @@ def test_a_vehicle_armed_before_the_run_is_left_alone() -> None:
 
 
 def arm_message(sysid: int) -> Any:
-    return mavlink.MAVLink_command_long_message(sysid, 1, 400, 0, 1, *[0.0] * 6)
+    return command_long((sysid, 1), mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
 
 
 @pytest.mark.parametrize(
@@ -232,7 +225,7 @@ def test_only_requests_can_be_sent_before_a_vehicle_is_connected() -> None:
     for sysid in (0, 1):
         with pytest.raises(Forbidden):
             vehicle.send(arm_message(sysid))
-    vehicle.send(mavlink.MAVLink_command_long_message(0, 0, 512, 0, 148, *[0.0] * 6))
+    vehicle.send(command_long((0, 0), mavlink.MAV_CMD_REQUEST_MESSAGE, 148))
 
 
 def test_raw_bytes_need_the_same_permissions_as_messages() -> None:

@@ -8,6 +8,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, Station, airborne_plane, land, station_of, takeoff, waypoint
 
+from sim_vehicle.station.messages import command_long
+
 STRIKES = {mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT}  # added by the simulator, for a scenario with hostiles
 UNGROUPED = {"HEARTBEAT", "TIMESYNC", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
 
@@ -24,8 +26,7 @@ def answers(station: Station) -> tuple[set[int], set[int]]:
     """Request every message of the dialect; return the ids of the accepted requests, and of the answers."""
     accepted, sent = set(), set()
     for message_id in mavlink.mavlink_map:
-        request = (mavlink.MAV_CMD_REQUEST_MESSAGE, 0, message_id, *[0.0] * 6)
-        replies = station.send(mavlink.MAVLink_command_long_message(1, 0, *request))
+        replies = station.send(command_long((1, 0), mavlink.MAV_CMD_REQUEST_MESSAGE, message_id))
         accepted |= {message_id for m in replies if m.get_type() == "COMMAND_ACK" and m.result == 0}
         sent |= {message_id for m in replies if m.get_msgId() == message_id}
     return accepted, sent - {mavlink.MAVLINK_MSG_ID_COMMAND_ACK}

@@ -10,6 +10,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from setpoint_messages import BODY, BODY_OFFSET, LOCAL, OFFSET, setpoint
 from station import Station, airborne_plane, item, place_m, station_of, takeoff, waypoint
 
+from sim_vehicle.station.messages import command_long
+
 GUIDED, RTL_PLANE, GUIDED_PLANE = 4, 11, 15
 FAILED = 4
 
@@ -224,7 +226,7 @@ def test_with_sysid_enforce_only_messages_of_the_ground_station_count() -> None:
     assert station.set_mode(GUIDED) == 0
     station.set_parameter("SYSID_ENFORCE", 1)
     request = mavlink.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1)
-    arm = mavlink.MAVLink_command_long_message(1, 0, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, *[0] * 6)
+    arm = command_long((1, 0), mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     count = mavlink.MAVLink_mission_count_message(1, 0, 1, 0)
     for message in (request, arm, count):
         assert station.send(message) == []
@@ -237,12 +239,12 @@ def test_late_acknowledgements_are_sent_at_their_time() -> None:
     station = Station()
     station.inject("slow_ack:delay_s=10,for=1")
     station.wait(0.2)
-    station.send(mavlink.MAVLink_command_long_message(1, 0, mavlink.MAV_CMD_GET_HOME_POSITION, 0, *[0] * 7))
+    station.send(command_long((1, 0), mavlink.MAV_CMD_GET_HOME_POSITION))
     station.wait(1.5)
     station.inject("slow_ack:delay_s=1")
     station.wait(0.1)
     version = mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES
-    station.send(mavlink.MAVLink_command_long_message(1, 0, version, 0, *[0] * 7))
+    station.send(command_long((1, 0), version))
     took_s = station.until(lambda: version in [m.command for m in station.of("COMMAND_ACK")], 20)
     assert took_s == pytest.approx(1.0, abs=0.2)
     station.until(lambda: mavlink.MAV_CMD_GET_HOME_POSITION in [m.command for m in station.of("COMMAND_ACK")])

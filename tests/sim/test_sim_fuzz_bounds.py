@@ -8,14 +8,12 @@ from fuzz_bench import CRAFT, Bench
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG
 
+from sim_vehicle.station.messages import command_long
+
 STORM = 300
 # Limits of long answers on a link, at once and per second, in frames of PARAM_VALUE (the shortest).
 AT_ONCE, A_SECOND = 40_000 // 37, 200_000 // 37
 PLACE = (round(LAT_DEG * 1e7), round((LON_DEG + 1e-3) * 1e7))
-
-
-def command(number: int, *params: float) -> Any:
-    return mavlink.MAVLink_command_long_message(1, 1, number, 0, *params, *[0.0] * (7 - len(params)))
 
 
 def storm(kind: str) -> Iterator[Any]:
@@ -39,7 +37,7 @@ def storm(kind: str) -> Iterator[Any]:
 @pytest.mark.parametrize(("name", "craft"), CRAFT[::2])
 def test_repeated_long_answers_are_paced(name: str, craft: str, kind: str) -> None:
     bench = Bench(name, craft)
-    for message in [command(400, 1), command(400, 0)]:  # so that a log exists
+    for message in [command_long((1, 1), 400, 1), command_long((1, 1), 400, 0)]:  # so that a log exists
         bench.send(message)
         bench.wait(1.0)
     before = len(bench.raw)
@@ -70,14 +68,14 @@ def test_each_message_request_brings_one_message(name: str, craft: str) -> None:
     bench = Bench(name, craft)
     for number in (*mavlink.mavlink_map, 300, 380, 396, 397, 410, 411, 435, 436):
         before = len(bench.raw)
-        bench.send(command(mavlink.MAV_CMD_REQUEST_MESSAGE, number))
+        bench.send(command_long((1, 1), mavlink.MAV_CMD_REQUEST_MESSAGE, number))
         assert len(bench.raw) - before <= 1 + len(bench.fleet.vehicles[0].personality.modes.by_number)
 
 
 def test_no_stream_is_faster_than_the_clock() -> None:
     bench = Bench("ardupilot", "copter")
     for number in mavlink.mavlink_map:
-        bench.send(command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e-30))
+        bench.send(command_long((1, 1), mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e-30))
     before = len(bench.raw)
     bench.wait(1.0)
     assert len(bench.raw) - before <= 2 + 20 * 43
@@ -110,7 +108,7 @@ def test_a_mission_of_instant_commands_takes_time(name: str, craft: str) -> None
     assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, *mode) == 0
     bench.most_frames = 0
     for _ in range(20):
-        bench.send(command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 1, 1))
+        bench.send(command_long((1, 1), mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 1, 1))
         bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 2))
         before = len(bench.raw)
         bench.wait(0.5)

@@ -29,6 +29,8 @@ from px4_station import (
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import takeoff, waypoint
 
+from sim_vehicle.station.messages import command_long
+
 # -- boot and readiness ----------------------------------------------------------------------------------
 
 
@@ -386,6 +388,5 @@ def test_px4_obeys_only_setpoints_among_messages_to_all_systems(name: str, syste
 @pytest.mark.parametrize("target", [(0, 77), (1, 0), (1, 77)])
 def test_px4_answers_a_capability_request_to_any_target(target: tuple[int, int]) -> None:
     station = Px4Station()
-    ask = (mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 0, 1, 0, 0, 0, 0, 0, 0)
-    replies = station.send(mavlink.MAVLink_command_long_message(*target, *ask))
+    replies = station.send(command_long(target, mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1))
     assert [m.get_type() for m in replies if m.get_type() == "AUTOPILOT_VERSION"] == ["AUTOPILOT_VERSION"]

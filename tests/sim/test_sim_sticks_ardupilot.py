@@ -173,8 +173,8 @@ def test_a_receiver_that_fails_after_an_override_counts_until_its_own_failure() 
 @pytest.mark.parametrize("throttle", [500, -5])  # the sticks of a negative throttle are ignored
 def test_manual_control_counts_as_a_heartbeat_of_the_ground_station(throttle: int) -> None:
     station = flying(LOITER)
-    for name, value in ((b"FS_GCS_ENABLE", 1), (b"FS_OPTIONS", 0)):
-        station.send(mavlink.MAVLink_param_set_message(1, 1, name, value, 9))
+    for name, value in (("FS_GCS_ENABLE", 1), ("FS_OPTIONS", 0)):
+        station.set_parameter(name, value)
     for _ in range(80):
         control(station, z=throttle)
         station.wait(0.1)
@@ -234,8 +234,8 @@ def test_alt_hold_drifts_with_the_wind_and_loiter_does_not() -> None:
     drifts_m = {}
     for mode in (ALT_HOLD, LOITER):
         station = flying(mode)
-        for name, value in ((b"SIM_WIND_SPD", 6), (b"SIM_WIND_DIR", 0)):
-            station.send(mavlink.MAVLink_param_set_message(1, 1, name, value, 9))
+        for name, value in (("SIM_WIND_SPD", 6), ("SIM_WIND_DIR", 0)):
+            station.set_parameter(name, value)
         before_m = place_m(station)
         hold(station, 10, *NEUTRAL)
         drifts_m[mode] = place_m(station)[0] - before_m[0]
@@ -286,8 +286,8 @@ def test_a_plane_glides_without_its_remote_control() -> None:
     station = airborne_plane()
     override(station, 1500, 1500, 2000, 1500)
     assert station.set_mode(FBWA) == 0
-    for name, value in ((b"FS_LONG_ACTN", 2), (b"FS_SHORT_ACTN", 2), (b"SIM_RC_FAIL", 1)):
-        station.send(mavlink.MAVLink_param_set_message(1, 1, name, value, 9))
+    for name, value in (("FS_LONG_ACTN", 2), ("FS_SHORT_ACTN", 2), ("SIM_RC_FAIL", 1)):
+        station.set_parameter(name, value)
     station.wait(12)
     assert station.mode == "FBWA"
     assert station.ask(mavlink.MAVLINK_MSG_ID_VFR_HUD).throttle == 0

@@ -123,8 +123,8 @@ def test_ardupilot_refuses_a_download_while_armed() -> None:
 def test_a_parameter_set_in_flight_and_a_failsafe_are_in_the_log(tmp_path: Path) -> None:
     station = Ground(fleet())
     station.fly(10.0)
-    for name, value in ((b"BATT_FS_LOW_ACT", 1), (b"BATT_LOW_VOLT", 13.0)):
-        station.send(mavlink.MAVLink_param_set_message(1, 1, name, value, mavlink.MAV_PARAM_TYPE_REAL32))
+    for name, value in (("BATT_FS_LOW_ACT", 1), ("BATT_LOW_VOLT", 13.0)):
+        station.set_parameter(name, value)
     station.until(lambda: not station.armed)
     messages = read_dataflash(station.log(1), tmp_path / "a.BIN")
     assert [m.Value for m in of(messages, "PARM") if m.Name == "BATT_LOW_VOLT"] == [10.5, 13.0]

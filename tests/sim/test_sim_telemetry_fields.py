@@ -11,6 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from setpoint_messages import setpoint
 from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, station_of, takeoff, waypoint
 
+from sim_vehicle.station.messages import command_long
+
 NAN = math.nan
 WIND_M_S, WIND_FROM_DEG = 6.0, 300.0
 HEIGHT_M, GOAL_HEIGHT_M = 20.0, 40.0
@@ -233,8 +235,7 @@ def test_values_of_the_flight_distinguish_signs_and_units(
 
 
 def _reports(station: Station, message_id: int) -> bool:
-    ask = mavlink.MAV_CMD_REQUEST_MESSAGE
-    replies = station.send(mavlink.MAVLink_command_long_message(1, 0, ask, 0, message_id, *[0.0] * 6))
+    replies = station.send(command_long((1, 0), mavlink.MAV_CMD_REQUEST_MESSAGE, message_id))
     return any(m.get_msgId() == message_id for m in replies)
 
 

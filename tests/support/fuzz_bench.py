@@ -183,9 +183,8 @@ class Bench:
                 assert found, f"vehicle {sysid} does not answer station {station}"
 
     def _answered(self, sysid: int, station: int) -> bool:
-        asked = mavlink.MAVLink_command_long_message(
-            sysid, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, *[0] * 6
-        )
+        version = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+        asked = command_long((sysid, 1), mavlink.MAV_CMD_REQUEST_MESSAGE, version)
         replies = [*self.send(asked, station), *self.wait(STEP_S)]
         return {"COMMAND_ACK", "AUTOPILOT_VERSION"} <= {
             m.get_type() for m in replies if m.get_srcSystem() == sysid
