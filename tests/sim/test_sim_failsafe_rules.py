@@ -91,7 +91,7 @@ def test_the_voltage_is_watched_by_default_on_a_copter_only(*, kind: str, is_wat
 def test_failsafes_do_not_interrupt_a_mission_landing() -> None:
     station = start_station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=1, BATT_LOW_TIMER=1, FS_LONG_ACTN=1)
     station.fly_plane_mission([home_item(), takeoff(50), waypoint(0, 600, 40), land(0, 0)])
-    station.until(lambda: station.fleet.vehicles[0].mission.index == 3, 200)
+    station.until(lambda: station.current == 3, 200)
     station.wait(1)
     station.set_parameter("SIM_BATT_VOLTAGE", 11.0)
     station.inject("rc_loss")

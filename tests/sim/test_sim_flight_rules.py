@@ -100,6 +100,17 @@ def test_set_points_without_any_field_do_not_keep_offboard_active(frame: int, va
     assert station.change(PX4_AUTO, HOLD) == 0
 
 
+@pytest.mark.autopilots("MAVSDK 5 goto_location", of="px4")
+def test_px4_turns_to_the_yaw_of_a_target_in_radians() -> None:
+    station = QuietPx4Station()
+    station.fly(10)
+    assert station.reposition(40, 18, -1, 1, 0, math.pi / 2) == 0
+    assert station.custom_mode == (PX4_AUTO, HOLD)
+    station.until(lambda: place_m(station)[0] > 39 and station.height_m > 17.5, 60)
+    station.wait(3)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw == pytest.approx(math.pi / 2, abs=0.1)
+
+
 # -- ArduPlane -------------------------------------------------------------------------------------------
 
 

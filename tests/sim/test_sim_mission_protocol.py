@@ -72,6 +72,15 @@ def test_part_of_a_list_cannot_be_requested() -> None:
     assert station.send(mavlink.MAVLink_mission_request_partial_list_message(1, 0, 2, 4, 0)) == []
 
 
+@pytest.mark.autopilots("MAVSDK 5 clear_mission")
+def test_an_upload_of_a_home_alone_empties_the_mission() -> None:
+    station = Station()
+    assert station.upload(mission(3)) == 0
+    assert station.upload([home_item()]) == 0
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).total == 0
+    assert len(station.download()) == 1
+
+
 @pytest.mark.autopilots("2 CLEAR_ALL")
 def test_a_mission_can_be_cleared_in_flight_in_guided() -> None:
     station = Station()

@@ -200,7 +200,7 @@ def test_a_landing_inside_a_mission_does_not_disarm() -> None:
     """`Commander::handleAutoDisarm` does not disarm in mission mode before the end of the mission."""
     station = QuietPx4Station()
     station.fly_mission([takeoff(10), land(30, 20), waypoint(60, 20, 10)])
-    station.until(lambda: station.fleet.vehicles[0].mission.index == 2, 240)
+    station.until(lambda: station.current == 2, 240)
     station.wait(10)
     assert station.armed
     assert station.change(AUTO, HOLD) == ACCEPTED

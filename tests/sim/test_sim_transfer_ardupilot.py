@@ -148,6 +148,13 @@ def test_fence_total_is_reported() -> None:
     assert station.parameter("FENCE_TOTAL") == 0
 
 
+@pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence")
+def test_an_uploaded_fence_is_not_enabled() -> None:
+    station = TransferStation()
+    assert station.upload(square(), FENCE) == ACCEPTED
+    assert station.parameter("FENCE_ENABLE") == 0
+
+
 @pytest.mark.autopilots("2 fence")
 def test_an_abandoned_fence_upload_leaves_the_old_fence() -> None:
     station = TransferStation()
