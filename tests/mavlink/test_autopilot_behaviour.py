@@ -138,5 +138,5 @@ def test_an_upload_that_px4_gave_up_is_repeated():
     bench.block = lambda m: m.get_type() == "MISSION_ITEM_INT" and bench.now < quiet_s
     quiet_s = bench.now + 4.0
     items = bench.session.mission_items(NEW)
-    assert bench.do("upload", lambda c: basic.upload(c, items)).failure is None
+    assert bench.upload_items(items).failure is None
     assert bench.holds(items)

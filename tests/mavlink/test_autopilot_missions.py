@@ -16,10 +16,6 @@ OLD = plan(north=8, alt=33.333)
 RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 
 
-def upload(bench: FlyingBench, items: tuple[MissionItem, ...]) -> basic.Done:
-    return bench.do("upload", lambda c: basic.upload(c, items))
-
-
 def with_item(bench: FlyingBench, **changes: object) -> tuple[MissionItem, ...]:
     """Return a short mission with changes in the second-last item."""
     *rest, spoilt, land = bench.session.mission_items(plan(north=2))
@@ -31,7 +27,7 @@ def test_a_mission_without_an_item_for_home_fails_its_read_back():
     """ArduPilot answers ACCEPTED and writes home over the take-off."""
     bench = FlyingBench("ardupilot").prepared()
     items = bench.session.mission_items(OLD)[1:]
-    failure = upload(bench, items).failure
+    failure = bench.upload_items(items).failure
     assert "[read-back-differs]" in failure
     assert "item 0" in failure
     assert [i.command for i in bench.stored[:2]] == [16, 16], "the take-off is still there"
@@ -57,7 +53,7 @@ def test_the_count_of_items_includes_home_or_not(personality, before, after):
     bench.run(3)
     assert bench.session.state.mission_total == before
     items = bench.session.mission_items(OLD)
-    assert upload(bench, items).failure is None
+    assert bench.upload_items(items).failure is None
     bench.run(3)
     assert bench.session.state.mission_total == after
     assert bench.of("MISSION_COUNT")[-1].count == len(items) == after + (personality == "ardupilot")
@@ -88,7 +84,7 @@ def test_duplicated_messages_count_once(personality, seed):
     codes = []
     bench.block_down = lambda m: m.get_type() == "MISSION_ACK" and codes.append(m.type)
     items = bench.session.mission_items(OLD)
-    assert upload(bench, items).failure is None
+    assert bench.upload_items(items).failure is None
     assert bench.holds(items)
     assert (mavlink.MAV_MISSION_INVALID_SEQUENCE in codes) == (personality == "ardupilot")
 
@@ -100,7 +96,7 @@ def test_a_lost_final_acknowledgement_is_replaced_by_the_read_back(personality):
     bench = FlyingBench(personality).prepared()
     bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
     items = bench.session.mission_items(OLD)
-    assert upload(bench, items).failure is None
+    assert bench.upload_items(items).failure is None
     assert bench.holds(items)
     assert len(bench.of("MISSION_COUNT")) == 1
 
@@ -112,7 +108,7 @@ def test_an_upload_waits_until_another_stations_transfer_has_ended():
     bench.block_down = lambda m: m.get_type() == "MISSION_ACK" and codes.append(m.type)
     bench.another_sends(mavlink.MAVLink_mission_count_message(1, 1, 5, 0))
     began_s, items = bench.now, bench.session.mission_items(OLD)
-    assert upload(bench, items).failure is None
+    assert bench.upload_items(items).failure is None
     assert mavlink.MAV_MISSION_DENIED in codes
     assert 8.0 < bench.now - began_s < 25.0
     assert bench.holds(items)
@@ -129,7 +125,7 @@ def test_an_upload_that_px4_still_expects_does_not_disturb_the_next():
     bench.take(bench.session.cancel(bench.now))  # the cancellation is lost as well
     bench.block = lambda m: False
     items = bench.session.mission_items(plan(north=3))
-    assert upload(bench, items).failure is None
+    assert bench.upload_items(items).failure is None
     assert bench.holds(items)
 
 
@@ -151,7 +147,7 @@ def test_a_refusal_has_its_mavlink_name_and_an_accepted_item_is_compared(
 ):
     """PX4 accepts a latitude of 100 degrees and a missing altitude; `track_to_land` prevents such plans."""
     bench = FlyingBench(personality).prepared()
-    failure = upload(bench, with_item(bench, **changes)).failure
+    failure = bench.upload_items(with_item(bench, **changes)).failure
     code = {"ardupilot": ardupilot, "px4": px4}[personality]
     assert (failure is None) if code is None else (code in failure)
     assert (bench.session.items == ()) == (failure is not None)
@@ -165,7 +161,7 @@ def test_a_return_as_an_item_is_in_frame_mission_to_px4(personality, frame):
     bench = FlyingBench(personality).prepared()
     *rest, _land = bench.session.mission_items(OLD)
     rtl = MissionItem(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame, 0, 0, 0.0)
-    failure = upload(bench, (*rest, rtl)).failure
+    failure = bench.upload_items((*rest, rtl)).failure
     if (personality, frame) == ("px4", RELATIVE):
         assert "UNSUPPORTED" in failure
     else:
@@ -179,7 +175,7 @@ def test_a_return_as_an_item_is_in_frame_mission_to_px4(personality, frame):
 def test_rounding_of_an_altitude_is_no_difference_but_a_further_centimetre_is(personality, alt):
     bench = FlyingBench(personality).prepared()
     items = bench.session.mission_items(plan(north=3, alt=alt))
-    assert upload(bench, items).failure is None
+    assert bench.upload_items(items).failure is None
     dialect = bench.session.dialect
     moved = (*bench.stored[:-2], replace(bench.stored[-2], z=bench.stored[-2].z - 0.02), bench.stored[-1])
     assert dialect.differences(items, bench.stored) == ()
@@ -217,7 +213,7 @@ def test_px4_gets_its_first_item_by_message_and_confirms_it():
     assert bench.vehicle.mission.index > 0
     again = bench.session.items
     assert bench.do("prepare", basic.prepare).failure is None
-    assert upload(bench, again).failure is None
+    assert bench.upload_items(again).failure is None
     lost = []
     bench.block = lambda m: (
         m.get_type() == "MISSION_SET_CURRENT" and len(lost) < 2 and not lost.append(bench.now)

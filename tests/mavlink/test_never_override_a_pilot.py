@@ -53,7 +53,7 @@ def taken_over(
             bench.copter.mode, taken_s = mode, bench.now
         return bench.session.busy_with is None
 
-    bench.take(bench.session.begin(name, procedure, bench.now))
+    bench.begin(name, procedure)
     assert bench.run(400, watch), f"{name} does not end"
     return late, bench.result
 
@@ -65,7 +65,7 @@ def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(script, faults):
     for after_s in EVERY_TENTH:
         bench = Bench(script).flying(OLD)
         bench.spoil(faults)
-        late, result = taken_over(bench, "swap", lambda c: basic.swap(c, NEW), after_s)
+        late, result = taken_over(bench, "swap", partial(basic.swap, plan=NEW), after_s)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         if result.failure is not None and "LOITER" in result.failure:
             foreign += 1
@@ -111,9 +111,7 @@ def test_a_swap_sends_nothing_in_a_hold_that_another_station_ordered():
 def test_a_pilot_takeover_at_any_moment_of_a_launch_is_respected(script, faults):
     foreign = 0
     for after_s in EVERY_TENTH[:40]:
-        bench = Bench(script).prepared()
-        uploaded = bench.do("upload", lambda c, b=bench: basic.upload(c, b.items(OLD)))
-        assert uploaded.failure is None
+        bench = Bench(script).uploaded(OLD)
         bench.spoil(faults)
         late, result = taken_over(bench, "launch", basic.launch, after_s)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
@@ -129,13 +127,11 @@ def test_an_unanswered_command_is_not_repeated_against_a_pilot(command):
     launches = command in (ARM, START)
     # Without partial lists the swap sets a mode, as the vehicle has to hold.
     script = Script(partial_lists=command != MODE)
-    bench = Bench(script).prepared() if launches else Bench(script).flying(OLD)
-    if launches:
-        bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
+    bench = Bench(script).uploaded(OLD) if launches else Bench(script).flying(OLD)
     bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == command
     begun = len(bench.sent)
     job = basic.launch if launches else (lambda c: basic.swap(c, NEW))
-    bench.take(bench.session.begin("job", job, bench.now))
+    bench.begin("job", job)
     assert bench.run(10, lambda: command in [c for _, c in orders(bench, begun)])
     sent = len(bench.sent)
     bench.copter.mode = LOITER
@@ -176,8 +172,7 @@ def test_a_temporarily_rejected_command_is_repeated_after_a_new_heartbeat():
 
 
 def test_launch_sends_nothing_to_a_vehicle_that_is_armed_already():
-    bench = Bench().prepared()
-    bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
+    bench = Bench().uploaded(OLD)
     bench.copter.armed = True
     bench.run(2)
     sent = len(bench.sent)
@@ -186,8 +181,7 @@ def test_launch_sends_nothing_to_a_vehicle_that_is_armed_already():
 
 
 def test_launch_sends_nothing_if_a_pilot_armed_after_the_last_heartbeat():
-    bench = Bench().prepared()
-    bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
+    bench = Bench().uploaded(OLD)
     bench.copter.armed = True
     sent = len(bench.sent)
     assert not bench.session.state.armed
@@ -202,8 +196,7 @@ def test_launch_sends_nothing_if_a_pilot_armed_after_the_last_heartbeat():
 )
 def test_launch_ends_if_a_pilot_arms_disarms_or_starts_the_mission(nth_request, pilot, orders_before):
     """The pilot acts just before the answer to the heartbeat request with number `nth_request`."""
-    bench = Bench().prepared()
-    bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
+    bench = Bench().uploaded(OLD)
     asked = []
 
     def interfere(message) -> bool:
@@ -220,8 +213,7 @@ def test_launch_ends_if_a_pilot_arms_disarms_or_starts_the_mission(nth_request, 
 
 
 def test_launch_does_not_begin_in_a_mode_chosen_by_a_pilot():
-    bench = Bench().prepared()
-    bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
+    bench = Bench().uploaded(OLD)
     bench.copter.mode = LOITER
     sent = len(bench.sent)
     assert "LOITER" in bench.do("launch", basic.launch).failure
@@ -229,9 +221,8 @@ def test_launch_does_not_begin_in_a_mode_chosen_by_a_pilot():
 
 
 def test_a_failed_launch_does_not_disarm_after_a_pilot_takeover():
-    bench = Bench(Script(stays_on_ground=True)).prepared()
-    bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
-    bench.take(bench.session.begin("launch", basic.launch, bench.now))
+    bench = Bench(Script(stays_on_ground=True)).uploaded(OLD)
+    bench.begin("launch", basic.launch)
     assert bench.run(10, lambda: bench.copter.mode_name == "AUTO")
     sent = len(bench.sent)
     bench.copter.mode = LOITER
@@ -255,7 +246,7 @@ def test_an_operators_order_is_sent_at_once_and_not_repeated_against_a_pilot(job
     bench = Bench().flying(OLD)
     bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == MODE
     sent = len(bench.sent)
-    bench.take(bench.session.begin("order", job, bench.now))
+    bench.begin("order", job)
     assert orders(bench, sent) == [(bench.now, MODE)]
     bench.copter.mode = LOITER
     assert bench.run(100, lambda: bench.session.busy_with is None)

@@ -34,16 +34,14 @@ def test_an_upload_onto_a_flying_vehicle_is_refused():
 
 @pytest.mark.parametrize("late", [False, True], ids=["text before the ack", "text after the ack"])
 def test_a_refused_arming_is_reported_in_the_words_of_the_vehicle(late):
-    bench = Bench(Script(refuse_arming="Compass not calibrated", late_texts=late)).prepared()
-    bench.upload(OLD)
+    bench = Bench(Script(refuse_arming="Compass not calibrated", late_texts=late)).uploaded(OLD)
     failure = bench.do("launch", basic.launch).failure
     assert "COMPONENT_ARM_DISARM: FAILED" in failure
     assert failure.count("Compass not calibrated") == 1
 
 
 def test_launch_that_stays_on_the_ground_ends_disarmed():
-    bench = Bench(Script(stays_on_ground=True)).prepared()
-    bench.upload(OLD)
+    bench = Bench(Script(stays_on_ground=True)).uploaded(OLD)
     assert "[no-take-off]" in bench.do("launch", basic.launch).failure
     assert not bench.copter.armed
 
@@ -82,8 +80,7 @@ def test_the_return_to_an_appended_plan_skips_the_plans_before_that_plan():
 
 
 def test_a_swap_right_after_the_launch_waits_for_the_climb():
-    bench = Bench(faults=Faults(max_delay_s=0.1)).prepared()
-    bench.upload(OLD)
+    bench = Bench(faults=Faults(max_delay_s=0.1)).uploaded(OLD)
     assert bench.do("launch", basic.launch).failure is None
     assert bench.copter.alt < 5.0
     bench.begin_swap(NEW)
@@ -125,8 +122,7 @@ def test_a_swap_on_a_perfect_wire_is_quick(script, limit_s):
 
 def test_an_upload_on_a_perfect_wire_predicts_a_quick_swap():
     bench = Bench().prepared()
-    uploaded = bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
-    assert uploaded.swap_takes_s == pytest.approx(0.0, abs=0.2)
+    assert bench.upload(OLD).swap_takes_s == pytest.approx(0.0, abs=0.2)
 
 
 @pytest.mark.parametrize("partial_lists", [True, False])
@@ -163,8 +159,7 @@ def test_a_speed_from_before_the_hold_does_not_show_that_the_vehicle_flies_on():
 
 
 def test_a_reboot_restarts_the_streams_and_makes_the_mission_unknown():
-    bench = Bench().prepared()
-    bench.upload(OLD)
+    bench = Bench().uploaded(OLD)
     bench.run(10)
     bench.copter.boot(bench.now)
     assert bench.run(15, lambda: 33 in bench.copter.streams and VehicleRebooted() in bench.events)
@@ -178,7 +173,7 @@ def test_the_address_changes_only_after_the_loss_and_not_amid_a_command():
     bench.silent = True
     assert bench.run(20, lambda: bench.session.may_change_address)
     assert bench.session.age_s(bench.now) > 4.9
-    bench.take(bench.session.begin("hold", basic.hold, bench.now))
+    bench.begin("hold", basic.hold)
     assert not bench.session.may_change_address
     assert bench.run(20, lambda: bench.session.busy_with is None)
     assert bench.session.may_change_address
@@ -211,7 +206,8 @@ def test_an_upload_reports_success_only_for_the_exact_mission(faults, count):
     done = bench.upload(mission)
     if done.failure is None:
         assert bench.mission_is(mission)
-        assert bench.session.dialect.differences(bench.items(mission), bench.session.items) == ()
+        items = bench.session.mission_items(mission)
+        assert bench.session.dialect.differences(items, bench.session.items) == ()
     else:
         assert bench.session.items == ()
 
@@ -221,7 +217,7 @@ def test_an_upload_reports_success_only_for_the_exact_mission(faults, count):
 def test_successive_uploads_never_mix(faults):
     bench = Bench(faults=faults)
     assert bench.run(200, lambda: bench.session.state.mode != "")
-    bench.take(bench.session.begin("upload", lambda c: basic.upload(c, bench.items(OLD)), bench.now))
+    bench.begin("upload", lambda c: basic.upload(c, bench.session.mission_items(OLD)))
     bench.run(1.0)
     bench.take(bench.session.cancel(bench.now))
     if bench.upload(NEW).failure is None:

@@ -107,7 +107,7 @@ def test_a_repeated_mission_leads_to_the_goal_again() -> None:
     assert landed(flown)
     items = flown.session.items
     assert flown.do("prepare", basic.prepare).failure is None
-    assert flown.do("upload", lambda c: basic.upload(c, items)).failure is None
+    assert flown.upload_items(items).failure is None
     assert flown.do("launch", basic.launch).failure is None
     assert landed(flown)
     assert away_m(flown, GOAL) < 60.0

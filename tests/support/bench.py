@@ -25,12 +25,8 @@ class Bench(WireBench):
     def vehicle_steps(self) -> Iterable[bytes]:
         return self.copter.step(self.now)
 
-    def items(self, plan: FlightPlan):
-        return self.session.dialect.mission_items(plan)
-
     def mission_is(self, plan: FlightPlan) -> bool:
         """Return whether the vehicle's memory has exactly this plan, without item 0."""
-        return [m[:5] for m in self.copter.mission][1:] == self._stored(plan)[1:]
-
-    def _stored(self, plan: FlightPlan) -> list[tuple]:
-        return [(i.command, i.frame, i.x, i.y, int(i.z * 100) / 100) for i in self.items(plan)]
+        items = self.session.mission_items(plan)
+        stored = [(i.command, i.frame, i.x, i.y, int(i.z * 100) / 100) for i in items]
+        return [m[:5] for m in self.copter.mission][1:] == stored[1:]

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Self
 
-from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.mavlink.events import ProcedureDone
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.codec import Encoder, FrameSplitter, decode
@@ -184,8 +184,10 @@ class WireBench:
         """The result of the last procedure."""
         return next(e.result for e in reversed(self.events) if isinstance(e, ProcedureDone))
 
-    def upload(self, plan: FlightPlan) -> basic.Done:
-        items = self.session.mission_items(plan)
+    def upload(self, plan: FlightPlan) -> basic.Uploaded:
+        return self.upload_items(self.session.mission_items(plan))
+
+    def upload_items(self, items: tuple[MissionItem, ...]) -> basic.Uploaded:
         return self.do("upload", lambda c: basic.upload(c, items))
 
     def swap(self, new: FlightPlan) -> basic.Swapped:
