@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from agent_flight import GRID, ROW, AgentFlight, largest_retreat_m
+from flying_bench import BOTH
 from profiles import full_only
 
 from swarmctl.agent.phases import Phase
@@ -51,7 +52,7 @@ def test_a_vehicle_that_arrives_fast_stays_in_the_cells_of_its_plans(
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@BOTH
 @pytest.mark.parametrize("delay_s", [0.02, 1.0])
 def test_changed_plans_are_flown_without_a_stop_or_a_turn_back(personality: str, delay_s: float) -> None:
     """Reports of hostiles six cells ahead on the route arrive at four columns."""

@@ -6,7 +6,7 @@ from itertools import groupby
 
 import pytest
 from agent_flight import GRID, AgentFlight
-from flying_bench import Faults
+from flying_bench import BOTH, Faults
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
@@ -44,7 +44,7 @@ outages = st.lists(st.tuples(st.floats(0.0, 120.0), st.sampled_from([1.0, 4.0]))
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@BOTH
 @settings(
     deadline=None,
     derandomize=True,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import pytest
+from flying_bench import BOTH
 from plane_flights import (
     FIRST,
     FRAME,
@@ -28,7 +29,6 @@ from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.procedures.land import landing_items
 
-BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 PX4_IN_FULL_RUN = pytest.mark.parametrize("personality", ["ardupilot", *full_only("px4")])
 LAST_ITEM = {"ardupilot": 8, "px4": 10}
 """The landing at the goal, as an item of FIRST."""

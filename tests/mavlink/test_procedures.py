@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Script
+from wire_bench import wires
 
 from swarmctl.mavlink.events import VehicleRebooted
 from swarmctl.mavlink.procedures import basic
@@ -188,17 +189,8 @@ def test_a_vehicle_that_rebooted_while_lost_gets_its_stream_requests_at_once():
     assert bench.run(3, lambda: set(bench.copter.streams) == {33, 1, 193, 245, 42, 242})
 
 
-faults = st.builds(
-    Faults,
-    loss=st.sampled_from([0.0, 0.05, 0.2, 0.4]),
-    doubling=st.sampled_from([0.0, 0.1, 0.5]),
-    max_delay_s=st.sampled_from([0.0, 0.3, 1.5]),
-    seed=st.integers(0, 2**16),
-)
-
-
 @MODEST
-@given(faults=faults, count=st.integers(1, 12))
+@given(faults=wires, count=st.integers(1, 12))
 def test_an_upload_reports_success_only_for_the_exact_mission(faults, count):
     bench = Bench(faults=faults)
     assert bench.run(200, lambda: bench.session.state.mode != "")
@@ -213,7 +205,7 @@ def test_an_upload_reports_success_only_for_the_exact_mission(faults, count):
 
 
 @MODEST
-@given(faults=faults)
+@given(faults=wires)
 def test_successive_uploads_never_mix(faults):
     bench = Bench(faults=faults)
     assert bench.run(200, lambda: bench.session.state.mode != "")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 import pytest
-from flying_bench import FlyingBench, plan
+from flying_bench import BOTH, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import FlightPlan
@@ -17,7 +17,6 @@ from swarmctl.mavlink.session import Session
 FIRST, SECOND, OTHER = plan(), plan(east=0.001), plan(east=0.002)
 PLANS = {1: FIRST, 2: SECOND}
 READS = {"COMMAND_LONG", "MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_ACK"}
-AUTOPILOTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 Meanwhile = Callable[[FlyingBench], None]
 
 
@@ -61,7 +60,7 @@ def append_only(bench: FlyingBench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "before", "plan_id"),
+    ("personality", "before", "plan_id"),
     [
         ("ardupilot", begin_swap, 1),
         ("ardupilot", append_only, 1),
@@ -71,15 +70,15 @@ def append_only(bench: FlyingBench) -> None:
     ],
 )
 def test_the_flown_plan_is_recognised_and_can_be_changed_again(
-    autopilot: str, before: Meanwhile, plan_id: int
+    personality: str, before: Meanwhile, plan_id: int
 ) -> None:
-    bench = FlyingBench(autopilot).flying(FIRST)
+    bench = FlyingBench(personality).flying(FIRST)
     before(bench)
     bench.block = lambda _message: False
     found = recognised(restarted(bench), PLANS, 2, 1)
     assert (found.failure, found.plan_id, found.difference) == (None, plan_id, "")
     assert list(moves(bench)) == []
-    if autopilot == "ardupilot":
+    if personality == "ardupilot":
         assert bench.holds(bench.session.items)
     done = bench.swap(OTHER)
     assert (done.failure, done.flying) == (None, "new")
@@ -117,14 +116,14 @@ def test_a_mission_that_another_station_changed_is_not_recognised(meanwhile: Mea
     assert list(moves(bench)) == []
 
 
-@AUTOPILOTS
-def test_a_plan_that_is_no_candidate_is_not_recognised(autopilot: str) -> None:
-    bench = FlyingBench(autopilot).flying(FIRST)
+@BOTH
+def test_a_plan_that_is_no_candidate_is_not_recognised(personality: str) -> None:
+    bench = FlyingBench(personality).flying(FIRST)
     assert recognised(restarted(bench), PLANS, 2).plan_id is None
 
 
-@AUTOPILOTS
-def test_a_silent_vehicle_is_a_failure(autopilot: str) -> None:
-    bench = restarted(FlyingBench(autopilot).flying(FIRST))
+@BOTH
+def test_a_silent_vehicle_is_a_failure(personality: str) -> None:
+    bench = restarted(FlyingBench(personality).flying(FIRST))
     bench.silent = True
     assert recognised(bench, PLANS, 1).failure

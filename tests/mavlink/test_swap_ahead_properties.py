@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-from flying_bench import Faults, FlyingBench
+from flying_bench import BOTH, FlyingBench
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from metric_plans import most_backwards_m, place, plan
 from profiles import examples
+from wire_bench import Faults, wires
 
 from swarmctl.core.planar import PlanarPoint, distance_to_track
 
@@ -24,13 +24,6 @@ An ArduCopter brakes and flies back if the order to turn at a corner arrives beh
 BESIDE_M = 8.0
 OLD: list[PlanarPoint] = [(0.0, 60.0), (0.0, 120.0), (0.0, 900.0)]
 
-wires = st.builds(
-    Faults,
-    loss=st.sampled_from([0.0, 0.05, 0.2, 0.4]),
-    doubling=st.sampled_from([0.0, 0.1, 0.5]),
-    max_delay_s=st.sampled_from([0.0, 0.3, 1.5]),
-    seed=st.integers(0, 2**16),
-)
 outages = st.lists(
     st.tuples(st.floats(0.0, 8.0), st.sampled_from([0.5, 3.0, 9.0, 14.0])).map(lambda o: (o[0], o[0] + o[1])),
     max_size=2,
@@ -43,7 +36,7 @@ stalls = st.lists(
 """(from, until) of stalls of the ground station, from the begin of the swap"""
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@BOTH
 @settings(
     deadline=None,
     derandomize=True,

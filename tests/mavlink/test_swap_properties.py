@@ -9,10 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from flying_bench import Faults, FlyingBench, plan
+from flying_bench import FlyingBench, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from profiles import examples
+from wire_bench import Faults, wires
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.procedures import basic
@@ -22,13 +23,6 @@ Items = tuple[MissionItem, ...]
 KINDS = ["at once", "behind", "in place"]
 MODEST = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
-wires = st.builds(
-    Faults,
-    loss=st.sampled_from([0.0, 0.05, 0.2, 0.4]),
-    doubling=st.sampled_from([0.0, 0.1, 0.5]),
-    max_delay_s=st.sampled_from([0.0, 0.1, 0.3, 1.5]),
-    seed=st.integers(0, 2**16),
-)
 outages = st.lists(
     st.tuples(st.floats(0.0, 6.0), st.sampled_from([0.3, 2.0, 12.0])).map(lambda o: (o[0], o[0] + o[1])),
     max_size=2,

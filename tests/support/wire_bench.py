@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Self
 
+from hypothesis import strategies as st
+
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.mavlink.events import ProcedureDone
 from swarmctl.mavlink.procedures import basic
@@ -28,6 +30,16 @@ class Faults:
     max_delay_s: float = 0.0
     """greatest delay; each datagram has its own, so datagrams may overtake each other"""
     seed: int = 0
+
+
+wires = st.builds(
+    Faults,
+    loss=st.sampled_from([0.0, 0.05, 0.2, 0.4]),
+    doubling=st.sampled_from([0.0, 0.1, 0.5]),
+    max_delay_s=st.sampled_from([0.0, 0.1, 0.3, 1.5]),
+    seed=st.integers(0, 2**16),
+)
+"""wires from perfect to hardly usable"""
 
 
 def north_of_home(
