@@ -13,7 +13,6 @@ from wire_bench import north_of_home
 
 from swarmctl.links.base import (
     AddressChanged,
-    LaunchFailed,
     LinkError,
     SystemIdConflict,
     TransportError,
@@ -35,33 +34,6 @@ def test_two_vehicles_with_one_system_id_are_a_conflict_and_the_second_is_ignore
                     world.wire.from_vehicle(frame, "impostor")
             assert world.events.count(SystemIdConflict("impostor")) == 1
             assert link.state().mode == "STABILIZE"
-
-    play(story())
-
-
-class FailingEvidence:
-    """Evidence that accepts each message and cannot store any."""
-
-    def to_vehicle(self, sysid, message, by=""):
-        return True
-
-    def from_vehicle(self, sysid, message):
-        pass
-
-    async def wait_until_stored(self):
-        return "the disk is full"
-
-
-def test_no_vehicle_is_armed_before_its_evidence_is_on_disk():
-    async def story():
-        async with World(Copter(1), evidence=FailingEvidence()) as world:
-            link = world.link()
-            await link.connect(10)
-            await link.prepare(30, lambda _: None)
-            await link.upload(north_of_home(2))
-            with pytest.raises(LaunchFailed, match="the disk is full"):
-                await link.launch()
-            assert not {command for command, _ in world.copters[1].commands} & {300, 400}
 
     play(story())
 

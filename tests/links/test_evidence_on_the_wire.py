@@ -38,6 +38,22 @@ class EvidenceWorld(World):
         return [number for number, _ in self.copters[1].commands if number in (ARM, START)]
 
 
+def test_a_launch_whose_earlier_evidence_is_not_on_disk_sends_nothing(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with EvidenceWorld(tmp_path) as world:
+            link = world.link()
+            await link.connect(10)
+            await link.prepare(30, lambda _: None)
+            await link.upload(north_of_home(2))
+            world.disk_is_full()
+            before = len(world.copters[1].commands)
+            with pytest.raises(LaunchFailed, match=world.written.file.name):
+                await link.launch()
+            assert world.copters[1].commands[before:] == []
+
+    play(story())
+
+
 def test_an_arming_command_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -> None:
     """The disk stores all earlier messages and fills up right before the command."""
 
