@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from link_world import WIRE, FleetWorld, play, until
+from link_world import WIRE, FleetWorld, connected, play, until
 from wire_bench import north_of_home
 
 from sim_vehicle.faults.spec import parse_fault
@@ -17,8 +17,7 @@ from swarmctl.mavlink.events import VehicleRebooted
 def test_a_rebooted_vehicle_is_followed_to_its_new_port():
     async def story():
         async with FleetWorld("ardupilot") as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             await link.prepare(60, lambda _: None)
             old = world.port(0)
             world.from_vehicles.clear()
@@ -44,8 +43,7 @@ def test_a_rebooted_vehicle_is_followed_to_its_new_port():
 def test_unknown_messages_create_no_vehicle_with_system_id_0():
     async def story():
         async with FleetWorld("px4") as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             await asyncio.sleep(30)
             assert world.front.systems_on(WIRE) == {1}
             assert link.state().mode == "AUTO.LOITER"

@@ -6,7 +6,7 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from link_world import BEGAN_US, World, flying, play
+from link_world import BEGAN_US, World, connected, flying, play
 from pymavlink import mavutil
 from scripted_copter import Copter
 from wire_bench import north_of_home
@@ -20,18 +20,22 @@ from swarmctl.links.base import (
 from swarmctl.links.url import Endpoint
 
 
+async def sends_for_3_s(copter: Copter, world: World, address: str) -> None:
+    """Let another copter send from an address of its own on the wire of the world."""
+    for _ in range(30):
+        await asyncio.sleep(0.1)
+        for frame in copter.step(asyncio.get_running_loop().time()):
+            world.wire.from_vehicle(frame, address)
+
+
 def test_two_vehicles_with_one_system_id_are_a_conflict_and_the_second_is_ignored():
     async def story():
         world = World(Copter(1))
         async with world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             double = Copter(1)
             double.mode = 9
-            for _ in range(30):
-                await asyncio.sleep(0.1)
-                for frame in double.step(asyncio.get_running_loop().time()):
-                    world.wire.from_vehicle(frame, "impostor")
+            await sends_for_3_s(double, world, "impostor")
             assert world.events.count(SystemIdConflict("impostor")) == 1
             assert link.state().mode == "STABILIZE"
 
@@ -41,17 +45,13 @@ def test_two_vehicles_with_one_system_id_are_a_conflict_and_the_second_is_ignore
 def test_a_companion_with_the_vehicles_system_id_does_not_change_the_address():
     async def story():
         async with World(Copter(1)) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             companion = Copter(1)
             companion.mav.srcComponent = 191
             companion.mode = 9
             world.silent = True
             await asyncio.sleep(3)
-            for _ in range(30):
-                await asyncio.sleep(0.1)
-                for frame in companion.step(asyncio.get_running_loop().time()):
-                    world.wire.from_vehicle(frame, "companion")
+            await sends_for_3_s(companion, world, "companion")
             assert link.state().mode == "STABILIZE"
             assert link.age_s() > 5.0
             assert not any(isinstance(e, AddressChanged | SystemIdConflict) for e in world.events)
@@ -114,8 +114,7 @@ def test_the_tlog_is_read_by_pymavlink_with_both_directions(tmp_path):
 
     async def story():
         async with World(Copter(1), tlog=path) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             await link.upload(north_of_home(2))
             await asyncio.sleep(2)
 
@@ -138,8 +137,7 @@ def test_the_tlog_is_read_by_pymavlink_with_both_directions(tmp_path):
 def test_an_unwritable_tlog_is_reported_once_and_the_link_stays(path):
     async def story():
         async with World(Copter(1), tlog=Path(path)) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             await link.upload(north_of_home(2))
             await asyncio.sleep(10)
             await link.upload(north_of_home(3))
@@ -156,8 +154,7 @@ def test_received_frames_are_on_disk_within_two_seconds(tmp_path):
 
     async def story():
         async with World(Copter(1), tlog=path) as world:
-            link = world.link()
-            await link.connect(10)
+            await connected(world)
             await asyncio.sleep(10)
             world.silent = True
             await asyncio.sleep(1.1)
@@ -179,8 +176,7 @@ def test_a_closed_front_end_sends_nothing_and_leaves_no_timers():
         asyncio.get_running_loop().set_exception_handler(lambda _loop, context: failures.append(context))
         world = World(Copter(1))
         async with world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             await link.prepare(30, lambda _: None)
             world.silent = True
             uploading = asyncio.create_task(link.upload(north_of_home(3)))

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 from evidence_files import ARM as ARMING
 from evidence_files import HOLD, Written
-from link_world import World, play, until
+from link_world import World, play, until, uploaded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
-from wire_bench import north_of_home
 
 from swarmctl.links.base import LaunchFailed
 
@@ -41,10 +40,7 @@ class EvidenceWorld(World):
 def test_a_launch_whose_earlier_evidence_is_not_on_disk_sends_nothing(tmp_path: Path) -> None:
     async def story() -> None:
         async with EvidenceWorld(tmp_path) as world:
-            link = world.link()
-            await link.connect(10)
-            await link.prepare(30, lambda _: None)
-            await link.upload(north_of_home(2))
+            link = await uploaded(world, 2)
             world.disk_is_full()
             before = len(world.copters[1].commands)
             with pytest.raises(LaunchFailed, match=world.written.file.name):
@@ -59,10 +55,7 @@ def test_an_arming_command_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -
 
     async def story() -> None:
         async with EvidenceWorld(tmp_path) as world:
-            link = world.link()
-            await link.connect(10)
-            await link.prepare(30, lambda _: None)
-            await link.upload(north_of_home(8))
+            link = await uploaded(world)
             with pytest.raises(LaunchFailed, match=r"\[no-arming\]"):
                 await link.launch(world.disk_is_full)
             assert world.launch_commands() == []

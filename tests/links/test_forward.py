@@ -7,7 +7,8 @@ import socket
 from typing import Any
 
 import pytest
-from link_world import HURRY, WIRE, World, play, until
+from evidence_files import DISARM, HOLD
+from link_world import HURRY, WIRE, World, connected, play, until
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
@@ -46,9 +47,6 @@ class WatchedWorld(World):
         await super().__aenter__()
         await self.forward(commands=self._commands)
         return self
-
-
-HOLD = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
 
 
 def test_a_watching_station_receives_all_messages_from_and_to_the_vehicles() -> None:
@@ -172,7 +170,7 @@ def test_a_plain_disarming_of_another_station_is_passed_on() -> None:
         async with WatchedWorld(Copter(1), commands=True) as world:
             await world.link(1).connect(10)
             await asyncio.sleep(5)
-            world.watching.say(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 0, 0, 0, 0, 0, 0, 0))
+            world.watching.say(DISARM)
             await until(lambda: 400 in [command for command, _ in world.copters[1].commands], 5)
             assert world.said == []
 
@@ -206,8 +204,7 @@ def test_only_the_target_of_an_outgoing_endpoint_may_command() -> None:
         async with world:
             target = Endpoint("udpout", "127.0.0.1", target_socket.getsockname()[1])
             await world.front.forward(target, commands=True)
-            link = world.link()
-            await link.connect(10)
+            await connected(world)
             async with asyncio.timeout(10):
                 _, ours = await asyncio.get_running_loop().sock_recvfrom(target_socket, 2048)
             commands = world.copters[1].commands

@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 
 import pytest
-from link_world import World, asked_of, flying, play, until
+from link_world import World, asked_of, connected, flying, play, until, uploaded
 from scripted_copter import Copter, Script
 from wire_bench import north_of_home
 
@@ -82,8 +82,7 @@ def test_a_whole_flight_with_a_swap(kind):
 def test_a_newly_connected_vehicle_gets_an_identity_request_only(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             await asyncio.sleep(max(20 / world.pace, 2.0))
             assert asked_of(world) == {("COMMAND_LONG", 148.0)}
             assert world.copters[1].streams == {}
@@ -113,8 +112,7 @@ def test_identify_detects_another_vehicle(kind):
 def test_an_order_interrupts_identify(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             world.wire.connect_vehicles(lambda data, address: None)
             identifying = asyncio.create_task(link.identify(30))
             await asyncio.sleep(1)
@@ -149,8 +147,7 @@ def test_an_unsupported_vehicle_is_refused_by_name(kind):
 def test_a_vehicle_that_is_not_ready_is_reported_with_its_last_reasons(kind):
     async def story():
         async with World(Copter(1, Script(ready_at_s=1e9)), kind=kind) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             reported: list[tuple[str, ...]] = []
             with pytest.raises(NotReady) as caught:
                 await link.prepare(20 / world.pace, reported.append)
@@ -172,8 +169,7 @@ def test_a_vehicle_that_is_not_ready_is_reported_with_its_last_reasons(kind):
 def test_failures_name_the_vehicle_the_url_and_its_reason(kind, script, error, part):
     async def story():
         async with World(Copter(1), kind=kind) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             await link.prepare(30, lambda _: None)
             world.copters[1].script = script
             context = pytest.raises(error, match=part) if error else contextlib.nullcontext()
@@ -189,10 +185,7 @@ def test_failures_name_the_vehicle_the_url_and_its_reason(kind, script, error, p
 def test_a_blocked_launch_does_not_arm(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
-            link = world.link()
-            await link.connect(10)
-            await link.prepare(30, lambda _: None)
-            await link.upload(north_of_home(3))
+            link = await uploaded(world, 3)
             with pytest.raises(LaunchBlockedError, match=r"alpha .* vehicle 7") as caught:
                 await link.launch(lambda: "vehicle 7")
             assert (caught.value.why, caught.value.was_armed) == ("vehicle 7", False)
@@ -244,8 +237,7 @@ def test_a_cancelled_upload_is_cancelled_on_the_vehicle(kind):
     async def story():
         copter = Copter(1)
         async with World(copter, kind=kind) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             copter.on_mission_item_int = lambda m: None
             upload = asyncio.create_task(link.upload(north_of_home(3)))
             await until(lambda: copter.transfer is not None)
@@ -284,8 +276,7 @@ def test_parameters_fence_and_instruments_are_read_on_the_ground(kind):
 def test_a_lost_vehicle_is_reported_with_its_age_and_restored_at_another_address(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             world.silent = True
             await until(lambda: any(isinstance(e, VehicleLost) for e in world.events))
             assert link.age_s() == pytest.approx(5.0, abs=0.2)
@@ -300,8 +291,7 @@ def test_a_lost_vehicle_is_reported_with_its_age_and_restored_at_another_address
 def test_a_refused_operators_command_is_an_error(kind):
     async def story():
         async with World(Copter(1, Script(refuse_mode="RTL")), kind=kind) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             with pytest.raises(CommandFailed, match=r"return_home .*DO_SET_MODE: FAILED .*RTL failed"):
                 await link.return_home()
 
@@ -311,8 +301,7 @@ def test_a_refused_operators_command_is_an_error(kind):
 def test_a_closed_link_ends_its_procedures_and_can_be_reopened(kind):
     async def story():
         async with World(Copter(1, Script(ready_at_s=1e9)), kind=kind) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             waiting = asyncio.create_task(link.prepare(100, lambda _: None))
             await asyncio.sleep(1)
             link.close()
@@ -327,8 +316,7 @@ def test_a_closed_link_ends_its_procedures_and_can_be_reopened(kind):
 def test_a_lost_command_is_repeated_after_one_second(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             await asyncio.sleep(10 / world.pace)
             sent, loop = [], asyncio.get_running_loop()
 

@@ -6,10 +6,10 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from link_world import play, until
+from evidence_files import HOLD
+from link_world import connected, flying, play, until, uploaded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from signed_world import KEY, SignedWorld, station
-from wire_bench import north_of_home
 
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.links.base import FramesRefused, NoAnswer
@@ -22,10 +22,7 @@ def test_pymavlink_verifies_all_frames_of_a_signed_flight_both_ways(tmp_path: Pa
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
             await world.forward()
-            link = world.link()
-            await link.connect(10)
-            await link.prepare(60, lambda _: None)
-            await link.upload(north_of_home(2))
+            link = await uploaded(world, 2)
             await link.launch()
             await until(lambda: not link.state().armed, 300)
             assert world.front.refusal_summary == ""
@@ -68,8 +65,7 @@ def test_an_unsigned_vehicle_is_refused_with_the_reason(tmp_path: Path) -> None:
 def test_a_forged_heartbeat_and_a_replayed_frame_change_nothing(tmp_path: Path) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             world.silent = True
             intruder = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
             armed = mavlink.MAVLink_heartbeat_message(2, 3, 209, 3, 4, 3)
@@ -118,11 +114,9 @@ def test_commands_of_another_station_need_the_key_too(tmp_path: Path, key: bytes
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
             await world.forward(commands=True)
-            link = world.link()
-            await link.connect(10)
+            link = await connected(world)
             await asyncio.sleep(10)
-            hold = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
-            world.watching.wire.from_vehicle(bytes(hold.pack(station(key))), "station")
+            world.watching.say(HOLD, station(key))
             await asyncio.sleep(5)
             assert link.state().mode == {4: "GUIDED", 0: "STABILIZE"}[mode]
             assert (OTHER_KEY in world.front.refusal_summary) == (key != KEY)
@@ -133,12 +127,7 @@ def test_commands_of_another_station_need_the_key_too(tmp_path: Path, key: bytes
 def test_signed_set_points_are_followed(tmp_path: Path) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
-            link = world.link()
-            await link.connect(10)
-            await link.prepare(60, lambda _: None)
-            await link.upload(north_of_home(8))
-            await link.launch()
-            await until(lambda: link.state().mission_seq == 3)
+            link = await flying(world)
             await link.follow_setpoints()
             east = SetPoint((4.0, 0.0, 0.0))
             sent = len(world.to_vehicles)

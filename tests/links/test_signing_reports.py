@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from evidence_files import HOLD
 from flights import Ui, fly, small
 from link_world import play
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -130,8 +131,7 @@ def test_a_refused_station_is_reported(tmp_path: Path) -> None:
             await world.forward(commands=True)
             await world.link().connect(10)
             for key in (OTHER, OTHER, OTHER, KEY):
-                hold = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
-                world.watching.wire.from_vehicle(bytes(hold.pack(station(key))), "station")
+                world.watching.say(HOLD, station(key))
             await asyncio.sleep(1.0)
             (report,) = [line for line in world.said if "[frames-refused]" in line]
             assert all(value in report for value in (OTHER_KEY, "(1 ", "system 252", "memory:watcher"))

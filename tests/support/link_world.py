@@ -50,9 +50,10 @@ class ForwardReceiver:
         parser = mavlink.MAVLink(None)
         return [m for frame in self.frames for m in parser.parse_buffer(frame)]
 
-    def say(self, message: Any) -> None:
-        station = mavlink.MAVLink(None, srcSystem=252, srcComponent=190)
-        self.wire.from_vehicle(bytes(message.pack(station)), "station")
+    def say(self, message: Any, codec: mavlink.MAVLink | None = None) -> None:
+        """Send a message with this codec; None: a codec that does not sign."""
+        codec = codec or mavlink.MAVLink(None, srcSystem=252, srcComponent=190)
+        self.wire.from_vehicle(bytes(message.pack(codec)), "station")
 
 
 class MemoryWorld:
@@ -189,11 +190,22 @@ async def until(condition, limit_s: float = 60.0) -> None:
             await asyncio.sleep(0.02)
 
 
-async def flying(world: World):
+async def connected(world: World | FleetWorld):
     link = world.link()
     await link.connect(10)
-    await link.prepare(30, lambda _: None)
-    await link.upload(north_of_home(8))
+    return link
+
+
+async def uploaded(world: World | FleetWorld, count: int = 8):
+    """Return a link to a vehicle with a mission of `count` waypoints, ready for its launch."""
+    link = await connected(world)
+    await link.prepare(60, lambda _: None)
+    await link.upload(north_of_home(count))
+    return link
+
+
+async def flying(world: World | FleetWorld):
+    link = await uploaded(world)
     await link.launch()
     await until(lambda: link.state().mission_seq == 3)
     return link
