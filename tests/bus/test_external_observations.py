@@ -173,11 +173,6 @@ def test_a_refusal_shows_a_huge_value_only_in_part(data: bytes, value: object) -
     assert str(value)[:40] not in str(refused.value)
 
 
-def test_a_report_names_its_source() -> None:
-    assert decode_report(report_of(cells=ONE_CELL, source="geiger"), GRID, NOW_S) == (ONE_OBSERVED, "geiger")
-    assert decode_report(report_of(cells=ONE_CELL), GRID, NOW_S) == (ONE_OBSERVED, "")
-
-
 numbers = st.integers() | st.floats()
 json_values = st.recursive(
     st.none() | st.booleans() | numbers | st.text(max_size=5),
