@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import itertools
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, closing
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, closing, contextmanager
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -27,7 +28,7 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.flight.virtual_clock import run_virtual
 
-OPTIONS = NodeOptions(20, 20)
+OPTIONS, WITHOUT_SYNC = NodeOptions(20, 20), NodeOptions(20, 20, sync_every_s=0.0)
 BUSES: dict[str, Callable[[], AbstractContextManager[Transport]]] = {
     "memory": lambda: closing(MemoryBus()),
     "zenoh": ZenohBus,
@@ -40,10 +41,6 @@ def bus(request: pytest.FixtureRequest) -> Open:
     return BUSES[request.param]
 
 
-def seen(uav: int, seq: int) -> Observation:
-    return Observation(uav, seq, 2.5, ((3, 4, True), (3, 5, False)))
-
-
 class Swarm:
     """UAVs on one network, with the observations that each receives."""
 
@@ -54,10 +51,12 @@ class Swarm:
         radio: RadioSettings | None = None,
         speedup: float = 1.0,
         options: NodeOptions = OPTIONS,
+        say: Callable[[int, str], None] = lambda _uav, _text: None,
     ) -> None:
+        self.transport = transport
         clock = RunClock(1_800_000_000.0, speedup)
         model = None if radio is None else Radio(radio, 7)
-        self.network = Network(transport, "test", uavs, options, clock=clock, radio=model)
+        self.network = Network(transport, "test", uavs, options, clock=clock, radio=model, say=say)
         self.received: dict[int, asyncio.Queue[BeliefItem]] = {uav: asyncio.Queue() for uav in uavs}
         self.incarnations = {uav: self.network.join(uav, self._inbox(uav)) for uav in uavs}
 
@@ -78,16 +77,22 @@ class Swarm:
             return await self.received[uav].get()
 
 
+@contextmanager
+def swarm_of(*uavs: int, bus: Open = BUSES["memory"], **more: Any) -> Iterator[Swarm]:
+    with bus() as transport:
+        swarm = Swarm(transport, *uavs, **more)
+        with closing(swarm.network):
+            yield swarm
+
+
 def test_a_message_reaches_all_others_and_not_its_sender(bus: Open) -> None:
     async def scene() -> None:
-        with bus() as transport:
-            swarm = Swarm(transport, 1, 2, 3)
-            with closing(swarm.network):
-                sent = swarm.publishes(1, 1)
-                assert [await swarm.next_of(2), await swarm.next_of(3)] == [sent, sent]
-                assert swarm.received[1].empty()
-                assert swarm.network.counters[1].sent["inform/observation"] == 2
-                assert swarm.network.counters[2].received >= 1
+        with swarm_of(1, 2, 3, bus=bus) as swarm:
+            sent = swarm.publishes(1, 1)
+            assert [await swarm.next_of(2), await swarm.next_of(3)] == [sent, sent]
+            assert swarm.received[1].empty()
+            assert swarm.network.counters[1].sent["inform/observation"] == 2
+            assert swarm.network.counters[2].received >= 1
 
     asyncio.run(scene())
 
@@ -103,15 +108,13 @@ def test_a_message_reaches_all_others_and_not_its_sender(bus: Open) -> None:
 )
 def test_a_message_under_another_key_is_refused_and_counted(key: str, why: RefusalReason, bus: Open) -> None:
     async def scene() -> None:
-        with bus() as transport:
-            swarm = Swarm(transport, 1, 2, 3)
-            with closing(swarm.network):
-                observation = seen(1, 1)
-                data = FrameCodec("test").encode(Frame(1, 0, 1, 1_800_000_000.0, observation))
-                transport.put(key, data)
-                sent = swarm.publishes(2, 1)
-                assert await swarm.next_of(3) == sent
-                assert swarm.network.counters[3].refused == {why: 1}
+        with swarm_of(1, 2, 3, bus=bus) as swarm:
+            observation = Observation(1, 1, 2.5, ((3, 4, True), (3, 5, False)))
+            data = FrameCodec("test").encode(Frame(1, 0, 1, 1_800_000_000.0, observation))
+            swarm.transport.put(key, data)
+            sent = swarm.publishes(2, 1)
+            assert await swarm.next_of(3) == sent
+            assert swarm.network.counters[3].refused == {why: 1}
 
     asyncio.run(scene())
 
@@ -137,70 +140,58 @@ def test_an_overlong_key_is_refused_without_cost() -> None:
 def test_a_flood_of_invalid_messages_is_reported_in_ten_lines() -> None:
     async def scene() -> None:
         lines: list[int] = []
-        with closing(MemoryBus()) as transport:
-            clock = RunClock(1.8e9)
-            swarm = Network(
-                transport, "test", (1, 2), OPTIONS, clock=clock, say=lambda uav, _: lines.append(uav)
-            )
-            with closing(swarm):
-                swarm.join(2, lambda _: None)
-                for _ in range(15):
-                    transport.put("swarmctl/test/uav/2/inform/state/1", b"junk")
-                    await asyncio.sleep(3600.0)
-                assert lines == [2] * 10
-                assert sum(swarm.counters[2].refused.values()) == 15
+        with swarm_of(1, 2, say=lambda uav, _: lines.append(uav)) as swarm:
+            for _ in range(15):
+                swarm.transport.put("swarmctl/test/uav/2/inform/state/1", b"junk")
+                await asyncio.sleep(3600.0)
+            assert lines == [2] * 10
+            assert sum(swarm.network.counters[2].refused.values()) == 15
 
     run_virtual(scene())
 
 
 def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:
     async def scene() -> None:
-        with bus() as transport:
-            swarm = Swarm(transport, 1, 2, 3)
+        with swarm_of(1, 2, 3, bus=bus) as swarm:
 
             def broken(_items: tuple[BeliefItem, ...]) -> None:
                 raise RuntimeError("a bug")
 
-            with closing(swarm.network):
-                swarm.network.join(2, broken)
-                sent = [swarm.publishes(1, 1), swarm.publishes(1, 2)]
-                assert [await swarm.next_of(3), await swarm.next_of(3)] == sent
+            swarm.network.join(2, broken)
+            sent = [swarm.publishes(1, 1), swarm.publishes(1, 2)]
+            assert [await swarm.next_of(3), await swarm.next_of(3)] == sent
 
     asyncio.run(scene())
 
 
 def test_waiting_observations_reach_an_agent_in_one_call() -> None:
     async def scene() -> None:
-        with closing(MemoryBus()) as transport:
-            swarm = Swarm(transport, 1, 2, 3)
-            with closing(swarm.network):
-                items: list[tuple[BeliefItem, ...]] = []
-                swarm.network.join(3, items.append)
-                sent = [swarm.publishes(1, 1), swarm.publishes(2, 1), swarm.publishes(1, 2)]
-                await asyncio.sleep(0.0)
-                assert items == [tuple(sent)]
+        with swarm_of(1, 2, 3) as swarm:
+            items: list[tuple[BeliefItem, ...]] = []
+            swarm.network.join(3, items.append)
+            sent = [swarm.publishes(1, 1), swarm.publishes(2, 1), swarm.publishes(1, 2)]
+            await asyncio.sleep(0.0)
+            assert items == [tuple(sent)]
 
     run_virtual(scene())
 
 
 def test_a_uav_that_joins_again_learns_earlier_observations() -> None:
     async def scene() -> None:
-        with closing(MemoryBus()) as transport:
-            swarm = Swarm(transport, 1, 2, 3)
-            with closing(swarm.network):
-                for seq in range(1, 6):
-                    await in_turn(swarm, seq)
-                items: list[BeliefItem] = []
-                swarm.incarnations[3] = swarm.network.join(3, items.extend)
-                for uav in (1, 2):
-                    swarm.publishes(uav, 6)
-                    swarm.network.publish(uav, state(46.0 + uav * 1e-4))
-                swarm.publishes(3, 1)
-                await asyncio.sleep(60.0)
-                assert {(seen.observer, seen.seq) for seen in items if isinstance(seen, Observation)} >= {
-                    (uav, seq) for uav in (1, 2) for seq in range(1, 7)
-                }
-                assert all(not swarm.network.counters[uav].refused for uav in (1, 2, 3))
+        with swarm_of(1, 2, 3) as swarm:
+            for seq in range(1, 6):
+                await in_turn(swarm, seq)
+            items: list[BeliefItem] = []
+            swarm.incarnations[3] = swarm.network.join(3, items.extend)
+            for uav in (1, 2):
+                swarm.publishes(uav, 6)
+                swarm.network.publish(uav, state(46.0 + uav * 1e-4))
+            swarm.publishes(3, 1)
+            await asyncio.sleep(60.0)
+            assert {(seen.observer, seen.seq) for seen in items if isinstance(seen, Observation)} >= {
+                (uav, seq) for uav in (1, 2) for seq in range(1, 7)
+            }
+            assert all(not swarm.network.counters[uav].refused for uav in (1, 2, 3))
 
     run_virtual(scene())
 
@@ -210,14 +201,12 @@ def test_agents_receive_observations_under_overload(monkeypatch: pytest.MonkeyPa
 
     async def scene() -> int:
         monkeypatch.setattr(asyncio.get_running_loop(), "time", lambda: next(clock))
-        with closing(MemoryBus()) as transport:
-            swarm = Swarm(transport, 1, 2)
-            with closing(swarm.network):
-                for turn in range(20):
-                    for i in range(30):
-                        swarm.publishes(1, 30 * turn + i + 1)
-                    await asyncio.sleep(0.0)
-                return swarm.received[2].qsize()
+        with swarm_of(1, 2) as swarm:
+            for turn in range(20):
+                for i in range(30):
+                    swarm.publishes(1, 30 * turn + i + 1)
+                await asyncio.sleep(0.0)
+            return swarm.received[2].qsize()
 
     # Messages of the last moments may be missing.
     assert run_virtual(scene()) >= 300
@@ -225,25 +214,23 @@ def test_agents_receive_observations_under_overload(monkeypatch: pytest.MonkeyPa
 
 def test_a_slow_machine_does_not_change_the_sequence_on_the_virtual_clock() -> None:
     async def scene() -> None:
-        with closing(MemoryBus()) as transport:
-            swarm = Swarm(transport, 1, 2, 3)
-            with closing(swarm.network):
-                calls: list[tuple[int, int]] = []
+        with swarm_of(1, 2, 3) as swarm:
+            calls: list[tuple[int, int]] = []
 
-                def slow(uav: int) -> Callable[[tuple[BeliefItem, ...]], None]:
-                    def on_news(news: tuple[BeliefItem, ...]) -> None:
-                        end_s = time.perf_counter() + TURN_S
-                        while time.perf_counter() <= end_s:
-                            pass
-                        calls.append((uav, len(news)))
+            def slow(uav: int) -> Callable[[tuple[BeliefItem, ...]], None]:
+                def on_news(news: tuple[BeliefItem, ...]) -> None:
+                    end_s = time.perf_counter() + TURN_S
+                    while time.perf_counter() <= end_s:
+                        pass
+                    calls.append((uav, len(news)))
 
-                    return on_news
+                return on_news
 
-                for uav in (2, 3):
-                    swarm.network.join(uav, slow(uav))
-                swarm.publishes(1, 1)
-                await asyncio.sleep(0.0)
-                assert calls == [(2, 1), (3, 1)]
+            for uav in (2, 3):
+                swarm.network.join(uav, slow(uav))
+            swarm.publishes(1, 1)
+            await asyncio.sleep(0.0)
+            assert calls == [(2, 1), (3, 1)]
 
     run_virtual(scene())
 
@@ -256,14 +243,11 @@ def reception_delay_s(settings: RadioSettings, speedup: float) -> float:
 
     async def scene() -> float:
         loop = asyncio.get_running_loop()
-        with closing(MemoryBus()) as transport:
-            options = NodeOptions(20, 20, sync_every_s=0.0)
-            swarm = Swarm(transport, 1, 2, radio=settings, speedup=speedup, options=options)
-            with closing(swarm.network):
-                began_s = loop.time()
-                swarm.publishes(1, 1)
-                await swarm.next_of(2)
-                return (loop.time() - began_s) * speedup
+        with swarm_of(1, 2, radio=settings, speedup=speedup, options=WITHOUT_SYNC) as swarm:
+            began_s = loop.time()
+            swarm.publishes(1, 1)
+            await swarm.next_of(2)
+            return (loop.time() - began_s) * speedup
 
     return run_virtual(scene())
 
@@ -276,13 +260,11 @@ def test_delay_is_in_simulated_seconds(speedup: float) -> None:
 @pytest.mark.parametrize("speedup", [1.0, 10.0])
 def test_the_age_of_an_intent_is_in_simulated_seconds(speedup: float) -> None:
     async def scene() -> None:
-        with closing(MemoryBus()) as transport:
-            swarm = Swarm(transport, 1, 2, speedup=speedup)
-            with closing(swarm.network):
-                swarm.network.publish(1, IntentShared(1, (IntentPoint(0.0, 46.0, 14.4, 340.0),)))
-                await asyncio.sleep(2.0 / speedup)
-                ((_, age_s, _),) = swarm.network.take_new(2, IntentShared)
-                assert age_s == pytest.approx(2.0, abs=1e-3)
+        with swarm_of(1, 2, speedup=speedup) as swarm:
+            swarm.network.publish(1, IntentShared(1, (IntentPoint(0.0, 46.0, 14.4, 340.0),)))
+            await asyncio.sleep(2.0 / speedup)
+            ((_, age_s, _),) = swarm.network.take_new(2, IntentShared)
+            assert age_s == pytest.approx(2.0, abs=1e-3)
 
     run_virtual(scene())
 
@@ -293,34 +275,28 @@ def test_the_age_of_an_intent_is_in_simulated_seconds(speedup: float) -> None:
 )
 def test_a_uav_out_of_range_is_not_received(metres: float, lost: LossReason | None) -> None:
     async def scene() -> None:
-        with closing(MemoryBus()) as transport:
-            radio = RadioSettings(min_distance_m=10.0, max_distance_m=300.0)
-            swarm = Swarm(transport, 1, 2, radio=radio)
-            with closing(swarm.network):
-                swarm.network.moved(1, 46.0, 14.0)
-                swarm.network.moved(2, 46.0 + metres / 111_194.9, 14.0)
-                swarm.publishes(1, 1)
-                await asyncio.sleep(1.0)
-                assert swarm.received[2].empty() is (lost is not None)
-                assert swarm.network.counters[2].lost == ({} if lost is None else {lost: 1})
+        radio = RadioSettings(min_distance_m=10.0, max_distance_m=300.0)
+        with swarm_of(1, 2, radio=radio) as swarm:
+            swarm.network.moved(1, 46.0, 14.0)
+            swarm.network.moved(2, 46.0 + metres / 111_194.9, 14.0)
+            swarm.publishes(1, 1)
+            await asyncio.sleep(1.0)
+            assert swarm.received[2].empty() is (lost is not None)
+            assert swarm.network.counters[2].lost == ({} if lost is None else {lost: 1})
 
     run_virtual(scene())
 
 
 def test_losses_are_counted_by_cause() -> None:
     async def scene() -> None:
-        with closing(MemoryBus()) as transport:
-            swarm = Swarm(
-                transport, 1, 2, radio=RadioSettings(loss=0.5), options=NodeOptions(20, 20, sync_every_s=0.0)
-            )
-            with closing(swarm.network):
-                for seq in range(1, 201):
-                    swarm.publishes(1, seq)
-                    await asyncio.sleep(0.1)
-                counters = swarm.network.counters[1]
-                assert counters.sent["inform/observation"] == 200
-                assert swarm.network.counters[2].received + counters.lost[LossReason.LOSS] == 200
-                assert 60 < counters.lost[LossReason.LOSS] < 140
+        with swarm_of(1, 2, radio=RadioSettings(loss=0.5), options=WITHOUT_SYNC) as swarm:
+            for seq in range(1, 201):
+                swarm.publishes(1, seq)
+                await asyncio.sleep(0.1)
+            counters = swarm.network.counters[1]
+            assert counters.sent["inform/observation"] == 200
+            assert swarm.network.counters[2].received + counters.lost[LossReason.LOSS] == 200
+            assert 60 < counters.lost[LossReason.LOSS] < 140
 
     run_virtual(scene())
 
@@ -329,26 +305,21 @@ def test_a_uav_without_losses_sends_no_requests() -> None:
     """All UAVs send all the time, and their beliefs always differ slightly."""
 
     async def scene() -> None:
-        with closing(MemoryBus()) as transport:
-            swarm = Swarm(transport, *range(1, 6))
-            with closing(swarm.network):
-                for seq in range(1, 200):
-                    await in_turn(swarm, seq)
-                asked = {uav: counters.snapshots_asked for uav, counters in swarm.network.counters.items()}
-                # One request for each other UAV, after its first message.
-                assert asked == dict.fromkeys(range(1, 6), 4)
+        with swarm_of(*range(1, 6)) as swarm:
+            for seq in range(1, 200):
+                await in_turn(swarm, seq)
+            asked = {uav: counters.snapshots_asked for uav, counters in swarm.network.counters.items()}
+            # One request for each other UAV, after its first message.
+            assert asked == dict.fromkeys(range(1, 6), 4)
 
     run_virtual(scene())
 
 
 def test_simultaneous_arrivals_keep_their_order() -> None:
     async def scene() -> None:
-        with closing(MemoryBus()) as transport:
-            options = NodeOptions(20, 20, sync_every_s=0.0)
-            swarm = Swarm(transport, 1, 2, radio=RadioSettings(delay_s=0.3), options=options)
-            with closing(swarm.network):
-                sent = [swarm.publishes(1, seq) for seq in range(1, 51)]
-                assert [await swarm.next_of(2) for _ in sent] == sent
+        with swarm_of(1, 2, radio=RadioSettings(delay_s=0.3), options=WITHOUT_SYNC) as swarm:
+            sent = [swarm.publishes(1, seq) for seq in range(1, 51)]
+            assert [await swarm.next_of(2) for _ in sent] == sent
 
     run_virtual(scene())
 
