@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import datetime as dt
 import json
+import shutil
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, ExitStack, asynccontextmanager
 from dataclasses import dataclass, field
@@ -129,14 +130,16 @@ def of_another_authority(there: BusEndpoint, folder: Path) -> Configuration:
     return zenoh_config.client(there, Credentials(own, stranger / "cert.pem", stranger / "key.pem"))
 
 
+def issued(folder: Path, name: str, at: dt.datetime) -> Credentials:
+    """Return a certificate that the swarm's own authority issues for five days."""
+    shutil.copytree(keys_folder() / making.AUTHORITY, folder / making.AUTHORITY)
+    make_keys(folder, [name], 5, at)
+    own = folder / name
+    return Credentials(own / "ca.pem", own / "cert.pem", own / "key.pem")
+
+
 def expired(there: BusEndpoint, folder: Path) -> Configuration:
-    authority = folder / making.AUTHORITY
-    authority.mkdir()
-    for name in ("ca.pem", "key.pem"):
-        (authority / name).write_bytes((keys_folder() / making.AUTHORITY / name).read_bytes())
-    make_keys(folder, ["uav3"], 5, NOW - dt.timedelta(days=6))
-    old = folder / "uav3"
-    return zenoh_config.client(there, Credentials(old / "ca.pem", old / "cert.pem", old / "key.pem"))
+    return zenoh_config.client(there, issued(folder, "uav3", NOW - dt.timedelta(days=6)))
 
 
 def of_another_machine(there: BusEndpoint, _: Path) -> Configuration:
@@ -168,13 +171,7 @@ def test_a_process_without_a_certificate_gets_no_access(
 
 @pytest.mark.parametrize("protocol", CERTIFIED)
 def test_a_foreign_certificate_has_no_rights(protocol: str, tmp_path: Path) -> None:
-    authority = tmp_path / making.AUTHORITY
-    authority.mkdir()
-    for name in ("ca.pem", "key.pem"):
-        (authority / name).write_bytes((keys_folder() / making.AUTHORITY / name).read_bytes())
-    make_keys(tmp_path, ["uav9"], 5, NOW)
-    own = tmp_path / "uav9"
-    nine = Credentials(own / "ca.pem", own / "cert.pem", own / "key.pem")
+    nine = issued(tmp_path, "uav9", NOW)
 
     async def scene() -> None:
         async with network(protocol) as net:
