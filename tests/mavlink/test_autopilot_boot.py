@@ -285,9 +285,7 @@ def test_a_command_of_another_ground_station_is_not_overridden(personality):
     bench.spoil(Faults(max_delay_s=0.2, seed=1))
     bench.begin_swap(plan(north=5, east=0.001))
     bench.run(0.3)
-    land = bench.session.dialect.mode_params(bench.session.dialect.land_mode)
-    order = mavlink.MAVLink_command_long_message(1, 1, MODE, 0, *land, *(0.0,) * (7 - len(land)))
-    bench.another_sends(order)
+    bench.another_sets_mode(bench.session.dialect.land_mode)
     assert bench.session.busy_with == "swap"
     assert bench.run(60, lambda: bench.session.busy_with is None)
     assert bench.result.flying == "theirs"
@@ -304,7 +302,6 @@ def test_a_vehicle_landing_by_another_stations_command_does_not_count_as_on_its_
     """The report of the landing arrives before a heartbeat with the mode."""
     bench = FlyingBench(personality).flying(OLD)
     bench.run(after_s)
-    land = bench.session.dialect.mode_params(bench.session.dialect.land_mode)
-    bench.another_sends(mavlink.MAVLink_command_long_message(1, 1, MODE, 0, *land, *(0.0,) * (7 - len(land))))
+    bench.another_sets_mode(bench.session.dialect.land_mode)
     assert bench.run(2, lambda: bench.session.state.landed is Landed.LANDING)
     assert bench.swap(plan(north=4, east=0.001)).flying == "theirs"

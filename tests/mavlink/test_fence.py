@@ -116,8 +116,7 @@ def another_station_sets(name: str, value: float) -> Callable[[FlyingBench], Non
 
 
 def another_station_disables(bench: FlyingBench) -> None:
-    off = mavlink.MAV_CMD_DO_FENCE_ENABLE, 0, 0.0, *(0.0,) * 6
-    bench.another_sends(mavlink.MAVLink_command_long_message(1, 1, *off))
+    bench.another_commands(mavlink.MAV_CMD_DO_FENCE_ENABLE, 0.0)
 
 
 ON_THE_GROUND = [

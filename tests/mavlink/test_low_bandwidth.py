@@ -53,8 +53,7 @@ class LowBandwidthBench(FlyingBench):
     def another_streams(self, *ids: int, every_s: float = 0.25) -> None:
         """Request streams for another station, over the same radio."""
         for msgid in ids:
-            wanted = (float(msgid), 1e6 * every_s, 0.0, 0.0, 0.0, 0.0, 0.0)
-            self.another_sends(mavlink.MAVLink_command_long_message(1, 1, INTERVAL, 0, *wanted))
+            self.another_commands(INTERVAL, msgid, 1e6 * every_s)
 
     def bytes_s(self, over_s: float) -> float:
         """Return the vehicle's average data rate over the last `over_s` seconds [bytes/s]."""

@@ -89,8 +89,7 @@ def test_no_parameter_is_set_on_a_vehicle_that_is_armed_meanwhile(personality):
     bench.block_down = lambda m: m.get_type() == "PARAM_VALUE"
     procedure = partial(set_parameters, wanted={WHOLE[personality]: 1 - before})
     bench.begin("write", procedure)
-    arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
-    bench.another_sends(mavlink.MAVLink_command_long_message(1, 1, arm, 0, 1, 0, 0, 0, 0, 0, 0))
+    bench.another_commands(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
     assert bench.run(5.0, lambda: bench.session.state.armed)
     bench.block_down = lambda m: False
     assert bench.run(60.0, lambda: bench.session.busy_with is None)

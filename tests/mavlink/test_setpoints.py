@@ -14,7 +14,6 @@ from wire_bench import Faults
 from swarmctl.core.geo import LocalFrame, distance_m
 from swarmctl.core.records import replace
 from swarmctl.core.setpoint import SetPoint
-from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.dialects.px4 import Px4
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
@@ -25,8 +24,8 @@ OLD, NEW = plan(north=12), plan(north=6, east=0.002)
 MODE = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
 HOLD = {"ardupilot": "GUIDED", "px4": "AUTO.LOITER"}
 MISSION = {"ardupilot": "AUTO", "px4": "AUTO.MISSION"}
-PILOT = {"ardupilot": (5.0, 0.0, "LOITER"), "px4": (4.0, 5.0, "AUTO.RTL")}
-"""parameters and name of a mode that another party sets"""
+PILOT = {"ardupilot": "LOITER", "px4": "AUTO.RTL"}
+"""a mode that another party sets"""
 NORTH_EAST_UP = (5.0, 6.2, 0.3)
 """8 m/s over ground"""
 Velocity = tuple[float, float, float]
@@ -101,11 +100,6 @@ def led(personality: str, velocity: Velocity = NORTH_EAST_UP, **params: float) -
     return bench, leader
 
 
-def another_sets_mode(bench: FlyingBench, main: float, sub: float) -> None:
-    number = mavlink.MAV_CMD_DO_SET_MODE
-    bench.another_sends(mavlink.MAVLink_command_long_message(1, 1, number, 0, 1.0, main, sub, 0, 0, 0, 0))
-
-
 def n_mode_commands(bench: FlyingBench) -> int:
     return bench.commands.count(mavlink.MAV_CMD_DO_SET_MODE)
 
@@ -155,18 +149,13 @@ def test_a_fixed_wing_is_not_led_by_set_points(personality):
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "mode", "role"),
-    [
-        (mavlink.MAV_AUTOPILOT_PX4, "OFFBOARD", "setpoints"),
-        (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "GUIDED", "hold"),
-    ],
+    ("personality", "mode", "role"), [("px4", "OFFBOARD", "setpoints"), ("ardupilot", "GUIDED", "hold")]
 )
-def test_the_role_of_the_set_point_mode(autopilot, mode, role):
-    bench = FlyingBench("px4" if autopilot == mavlink.MAV_AUTOPILOT_PX4 else "ardupilot").connected()
-    main, sub = (*dialect_for(autopilot, mavlink.MAV_TYPE_QUADROTOR).mode_params(mode), 0.0)[1:3]
+def test_the_role_of_the_set_point_mode(personality, mode, role):
+    bench = FlyingBench(personality).connected()
     if role == "setpoints":
         lead(bench, lambda _now: SetPoint((0.0, 0.0, 0.0)), 1)
-    another_sets_mode(bench, main, sub)
+    bench.another_sets_mode(mode)
     lead(bench, lambda _now: SetPoint((0.0, 0.0, 0.0)), 2)
     assert (bench.session.state.mode, bench.session.state.mode_role) == (mode, role)
 
@@ -238,26 +227,24 @@ def test_a_vehicle_on_the_ground_does_not_enter_the_mode(personality):
 def test_a_takeover_at_any_moment_is_respected(personality, after_s):
     bench = flying(personality)
     bench.delay_s = 0.1
-    main, sub, name = PILOT[personality]
     leader = Leader(bench, (0.0, 4.0, 0.0))
     lead(bench, leader.at, 0.5)
     bench.begin("follow", basic.follow_setpoints)
     lead(bench, leader.at, after_s, hz=20.0)
-    another_sets_mode(bench, main, sub)
+    bench.another_sets_mode(PILOT[personality])
     taken_s = bench.now
     lead(bench, leader.at, 10)
     sent_s = [now for now, m in bench.sent if getattr(m, "command", 0) == mavlink.MAV_CMD_DO_SET_MODE]
     # A command and the news of the takeover may cross on the wire.
     assert all(now <= taken_s + bench.delay_s + 0.05 for now in sent_s)
     crossed = any(now > taken_s - bench.delay_s - 0.05 for now in sent_s)
-    assert bench.mode == name or (crossed and bench.mode == MODE[personality])
+    assert bench.mode == PILOT[personality] or (crossed and bench.mode == MODE[personality])
 
 
 @BOTH
 def test_a_hold_of_another_party_is_not_left(personality):
     bench = flying(personality)
-    main, sub = {"ardupilot": (4.0, 0.0), "px4": (4.0, 3.0)}[personality]
-    another_sets_mode(bench, main, sub)
+    bench.another_sets_mode(HOLD[personality])
     bench.run(3)
     leader, before = Leader(bench, (0.0, 0.0, 0.0)), n_mode_commands(bench)
     assert "[taken-over]" in follow(bench, leader.at).failure

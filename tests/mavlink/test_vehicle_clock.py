@@ -14,8 +14,6 @@ from swarmctl.mavlink.telemetry.vehicle_clock import ASK_FROM_S, VehicleClock
 
 BOOT_S = 70.0
 """time of this program's clock at the vehicle's boot"""
-RETURNS = {"ardupilot": 6, "px4": 4 << 16 | 5 << 24}
-"""the mode that a pilot selects"""
 
 
 class Sender:
@@ -97,7 +95,7 @@ def test_a_command_waits_until_the_backlog_of_a_stall_is_processed(personality: 
     bench.stalls = [(bench.now, bench.now + stall_s + 0.5)]
     # The pilot's mode is in the last two seconds of the backlog.
     bench.run(stall_s - 2.0)
-    bench.another_sends(mavlink.MAVLink_set_mode_message(1, 1, RETURNS[personality]))
+    bench.another_sets_mode(bench.session.dialect.return_mode)
     bench.run(2.0)
     assert bench.is_stalled
     n_before = bench.commands.count(mavlink.MAV_CMD_DO_SET_MODE)

@@ -72,6 +72,13 @@ class FlyingBench(WireBench):
         data = message.pack(self._other)
         self._down(frame for _, frame in self.fleet.receive(data, self.now, peer="other"))
 
+    def another_commands(self, number: int, *params: float) -> None:
+        rest = (0.0,) * (7 - len(params))
+        self.another_sends(mavlink.MAVLink_command_long_message(1, 1, number, 0, *params, *rest))
+
+    def another_sets_mode(self, mode: str) -> None:
+        self.another_commands(mavlink.MAV_CMD_DO_SET_MODE, *self.session.dialect.mode_params(mode))
+
     def another_sets(self, **params: float) -> None:
         for name, value in params.items():
             kind = mavlink.MAV_PARAM_TYPE_REAL32
