@@ -72,6 +72,18 @@ def flying(personality: str, delay_s: float = DELAY_S) -> FlyingBench:
     return bench
 
 
+def norths_until(bench: FlyingBench, limit_s: float, ends: Callable[[], bool]) -> list[float]:
+    """Return the vehicle's north coordinates [m] until `ends()` holds, within the limit."""
+    norths_m: list[float] = []
+
+    def watch() -> bool:
+        norths_m.append(place(bench)[1])
+        return ends()
+
+    assert bench.run(limit_s, watch), f"not within {limit_s:g} s"
+    return norths_m
+
+
 @BOTH
 @pytest.mark.parametrize("delay_s", [*full_only(0.02, 0.2), DELAY_S])
 def test_a_plan_that_leaves_the_old_one_ahead_is_flown_without_a_stop_or_a_turn_back(
@@ -121,13 +133,7 @@ def test_a_vehicle_near_the_splice_point_never_turns_back(personality: str, ahea
     turns_m = place(bench)[1] + ahead_m
     new = [(0.0, turns_m), (150.0, turns_m)]
     bench.begin_swap(plan(*new, leaves_ahead=True))
-    norths_m: list[float] = []
-
-    def is_down() -> bool:
-        norths_m.append(place(bench)[1])
-        return not bench.vehicle.armed
-
-    assert bench.run(400.0, is_down), "the vehicle does not land"
+    norths_m = norths_until(bench, 400.0, lambda: not bench.vehicle.armed)
     flown_to = {"new": new, "old": OLD}[bench.result.flying]
     assert place(bench) == pytest.approx(flown_to[-1], abs=3.0)
     assert most_backwards_m(norths_m) < TURNS_WITHIN_M
@@ -243,13 +249,9 @@ def test_a_vehicle_without_a_position_during_a_swap_is_never_sent_back(
     since_s = bench.now + blind_s
     bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT" and bench.now > since_s
     bench.begin_swap(plan(*new, leaves_ahead=True))
-    norths_m: list[float] = []
-
-    def watch() -> bool:
-        norths_m.append(place(bench)[1])
-        return bench.session.busy_with is None and bench.now > since_s + 60.0
-
-    assert bench.run(120.0, watch), "the swap does not end"
+    norths_m = norths_until(
+        bench, 120.0, lambda: bench.session.busy_with is None and bench.now > since_s + 60.0
+    )
     assert most_backwards_m(norths_m) < TURNS_WITHIN_M
     assert bench.result.flying in ("old", "new")
 
@@ -296,14 +298,9 @@ def test_a_vehicle_that_is_silent_after_a_complete_upload_is_not_sent_back(silen
 
     bench.block_down = is_lost
     bench.begin_swap(plan(*new, leaves_ahead=True))
-    norths_m: list[float] = []
-
-    def ends() -> bool:
-        norths_m.append(place(bench)[1])
-        return bench.session.busy_with is None
-
-    assert bench.run(200.0, ends), "the swap does not end"
-    bench.run(20.0, lambda: ends() and False)
+    norths_m = norths_until(bench, 200.0, lambda: bench.session.busy_with is None)
+    until_s = bench.now + 20.0
+    norths_m += norths_until(bench, 21.0, lambda: bench.now >= until_s)
     assert most_backwards_m(norths_m) < BACK_M
     if silence_s < 15.0:
         assert (bench.result.failure, bench.result.flying) == (None, "new")
