@@ -15,25 +15,11 @@ M_PER_DEG = 111_195.0
 OLD, NEW = plan(north=8), plan(north=5, east=0.001, alt=33.333)
 
 
-def watched_swap(bench: FlyingBench, new) -> tuple[object, set, set]:
-    """Return the result of a swap, the modes during it and the positions aimed at."""
-    modes, aims = set(), set()
-
-    def watch() -> bool:
-        modes.add(bench.mode)
-        aims.add(bench.aim)
-        return bench.session.busy_with is None
-
-    bench.begin_swap(new)
-    assert bench.run(200, watch)
-    return bench.result, modes, aims
-
-
 def test_the_new_route_is_appended_to_the_old_one_and_flown_without_a_stop():
     bench = FlyingBench("ardupilot").flying(OLD)
     old, aimed_at = bench.session.items, bench.aim
     new = bench.session.mission_items(NEW)
-    result, modes, aims = watched_swap(bench, NEW)
+    result, modes, aims = bench.watched_swap(NEW)
     assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
     assert 0.0 < result.took_s < 2.0
     assert modes == {"AUTO"}
@@ -76,7 +62,7 @@ def test_acknowledgements_without_item_requests_are_understood():
     """
     bench = FlyingBench("ardupilot").flying(OLD)
     bench.block_down = lambda m: m.get_type() in ("MISSION_REQUEST", "MISSION_REQUEST_INT")
-    result, modes, _ = watched_swap(bench, NEW)
+    result, modes, _ = bench.watched_swap(NEW)
     assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
     assert modes == {"AUTO"}
 
@@ -94,7 +80,7 @@ def test_successive_swaps_append_behind_each_other():
 def test_a_list_that_would_become_too_long_is_replaced_in_hold():
     bench = FlyingBench("ardupilot").flying(OLD)
     long = plan(north=395, east=0.001)
-    result, modes, _ = watched_swap(bench, long)
+    result, modes, _ = bench.watched_swap(long)
     assert result.flying == "new"
     assert modes == {"AUTO", "GUIDED"}
     assert result.stood_still_s > 0.0
@@ -104,7 +90,7 @@ def test_a_list_that_would_become_too_long_is_replaced_in_hold():
 def test_without_answers_to_partial_lists_the_vehicle_holds_for_the_swap():
     bench = FlyingBench("ardupilot").flying(OLD)
     bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
-    result, modes, _ = watched_swap(bench, NEW)
+    result, modes, _ = bench.watched_swap(NEW)
     assert result.flying == "new"
     assert modes == {"AUTO", "GUIDED"}
     assert 0.0 < result.stood_still_s < 2.0
@@ -117,7 +103,7 @@ def test_a_refused_item_leaves_the_old_mission_in_place():
     old, at = bench.session.items, bench.vehicle.mission.index
     new = plan(north=12, east=0.001)
     bench.inject("mission_refused:result=invalid,at_item=13")
-    result, _, aims = watched_swap(bench, new)
+    result, _, aims = bench.watched_swap(new)
     assert result.flying == "old"
     assert "INVALID" in result.failure
     assert bench.holds(old)

@@ -123,11 +123,9 @@ def test_an_upload_abandoned_in_auto_does_not_change_the_flight():
         return len(sent) > 2
 
     bench.block = cut_off
-    aims = set()
-    bench.begin_swap(NEW)
-    assert bench.run(300, lambda: aims.add(bench.aim) or bench.session.busy_with is None)
-    assert bench.result.flying == "old", "no message reaches the vehicle, but its messages arrive"
-    assert "[no-hold]" in bench.result.failure
+    result, _, aims = bench.watched_swap(NEW)
+    assert result.flying == "old", "no message reaches the vehicle, but its messages arrive"
+    assert "[no-hold]" in result.failure
     assert aims <= {(i.x, i.y) for i in old} | {None}
     assert bench.stored[1 : len(old)] == old[1:]
 

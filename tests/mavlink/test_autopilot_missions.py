@@ -187,12 +187,11 @@ def test_rounding_of_an_altitude_is_no_difference_but_a_further_centimetre_is(pe
 @pytest.mark.autopilots("2 re-upload in AUTO", "2 MISSION_SET_CURRENT", of="px4")
 def test_the_flown_item_is_never_overwritten_and_the_next_is_set_by_a_known_message(personality):
     bench = FlyingBench(personality).flying(OLD)
-    old, aims, sent = bench.session.items, set(), len(bench.sent)
+    old, sent = bench.session.items, len(bench.sent)
     new = plan(north=5, east=0.001)
     first = bench.session.mission_items(new)[bench.session.dialect.first_waypoint_seq]
-    bench.begin_swap(new)
-    assert bench.run(60, lambda: aims.add(bench.aim) or bench.session.busy_with is None)
-    assert bench.result.flying == "new"
+    result, _, aims = bench.watched_swap(new)
+    assert result.flying == "new"
     assert aims <= {(i.x, i.y) for i in old} | {(first.x, first.y)}
     written = {m.seq for _, m in bench.sent[sent:] if m.get_type() == "MISSION_ITEM_INT"}
     if personality == "ardupilot":

@@ -84,19 +84,10 @@ def test_read_back_is_compared_with_item_0_and_modulo_frames(found, equal):
 
 def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
     bench = FlyingBench("px4").flying(OLD)
-    modes, aims = set(), set()
-
-    def watch() -> bool:
-        modes.add(bench.mode)
-        aims.add(bench.aim)
-        return bench.session.busy_with is None
-
     items = bench.session.mission_items(NEW)
     before_aim, before_s = bench.aim, bench.now
-    bench.begin_swap(NEW)
-    assert bench.run(60, watch)
-    assert (bench.result.failure, bench.result.flying) == (None, "new")
-    assert bench.result.stood_still_s == 0.0
+    result, modes, aims = bench.watched_swap(NEW)
+    assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
     assert bench.now - before_s < 3.0
     assert modes == {"AUTO.MISSION"}
     assert aims <= {before_aim, (items[1].x, items[1].y)}, "the vehicle aimed at another item"

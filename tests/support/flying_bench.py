@@ -13,6 +13,7 @@ from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.telemetry.streams import UNUSED_IDS
 
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
@@ -104,6 +105,19 @@ class FlyingBench(WireBench):
             MissionItem(i.command, i.frame, i.x, i.y, i.z, i.param1, i.param2, i.param3, i.param4)
             for i in items
         )
+
+    def watched_swap(self, new: FlightPlan) -> tuple[basic.Swapped, set[str], set[tuple[int, int] | None]]:
+        """Return the result of a swap, the modes during it and the positions aimed at."""
+        modes, aims = set(), set()
+
+        def watch() -> bool:
+            modes.add(self.mode)
+            aims.add(self.aim)
+            return self.session.busy_with is None
+
+        self.begin_swap(new)
+        assert self.run(300, watch), "the swap does not end"
+        return self.result, modes, aims
 
     def holds(self, items: tuple[MissionItem, ...]) -> bool:
         return bool(items) and self.session.dialect.differences(items, self.stored) == ()
