@@ -252,7 +252,7 @@ def test_a_cancelled_upload_is_cancelled_on_the_vehicle(kind):
     play(story(), real=kind != "direct")
 
 
-def test_parameters_fence_and_instruments_are_read_on_the_ground(kind):
+def test_rally_points_are_counted_and_a_fence_is_enabled_on_the_ground(kind):
     async def story():
         async with World(Copter(1, Script(rally_points=2)), kind=kind) as world:
             link = world.link()
@@ -260,8 +260,6 @@ def test_parameters_fence_and_instruments_are_read_on_the_ground(kind):
                 await link.count_rally_points()
             await link.connect(10)
             assert await link.count_rally_points() == 2
-            world.copters[1].script.rally_points = None
-            assert await link.count_rally_points() == 0
             await link.enable_fence()
             fences = [params for number, params in world.copters[1].commands if number == 207]
             assert fences == [(1.0, *(0.0,) * 6)]
