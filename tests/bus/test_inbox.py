@@ -66,19 +66,3 @@ def test_a_flooded_queue_does_not_starve_another() -> None:
         assert work.done == [0, 1, 2]
 
     run_virtual(scene())
-
-
-def test_deliveries_keep_their_order_and_failures_are_counted() -> None:
-    async def scene() -> None:
-        work, failures = Work(0.004), []
-        loop = asyncio.get_running_loop()
-        inlet = Inbox(loop, (5000,), lambda key, error: failures.append((key, error)), work.clock)
-        for n in range(100):
-            inlet.enqueue(0, "k", lambda n=n: work(1 // (n % 10)) if n % 10 < 2 else work(n))
-        for _ in range(100):
-            await turn()
-        assert work.done == [max(n % 10, 1) if n % 10 < 2 else n for n in range(100) if n % 10]
-        assert inlet.failed == len(failures) == 10
-        assert {type(error) for _, error in failures} == {ZeroDivisionError}
-
-    run_virtual(scene())
