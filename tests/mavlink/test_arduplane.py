@@ -38,23 +38,12 @@ def test_the_mission_takes_off_turns_before_corners_and_lands_at_the_goal_or_at_
     assert landing_items(items) == frozenset(range(5, 13))
 
 
+@pytest.mark.parametrize("autopilot", [mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4])
 @pytest.mark.parametrize(
-    ("autopilot", "kind", "which", "cure"),
+    ("kind", "which", "cure"),
     [
-        (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR, FIRST, "airframe: copter"),
-        (mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR, FIRST, "airframe: copter"),
-        (
-            mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
-            mavlink.MAV_TYPE_FIXED_WING,
-            FlightPlan(40.0, FIRST.track, FIRST.landing),
-            "airframe: plane",
-        ),
-        (
-            mavlink.MAV_AUTOPILOT_PX4,
-            mavlink.MAV_TYPE_FIXED_WING,
-            FlightPlan(40.0, FIRST.track, FIRST.landing),
-            "airframe: plane",
-        ),
+        (mavlink.MAV_TYPE_QUADROTOR, FIRST, "airframe: copter"),
+        (mavlink.MAV_TYPE_FIXED_WING, FlightPlan(40.0, FIRST.track, FIRST.landing), "airframe: plane"),
     ],
 )
 def test_a_plan_for_another_airframe_is_refused(autopilot, kind, which, cure) -> None:

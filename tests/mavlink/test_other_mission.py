@@ -92,17 +92,15 @@ def test_a_cleared_mission_counts_as_another_until_the_own_mission_is_uploaded_a
     assert bench.holds(bench.session.items)
 
 
-def current(total: int, mission_id: int = 0) -> mavlink.MAVLink_mission_current_message:
-    """Return the message as it comes over the wire; pymavlink leaves the id out."""
+def over_the_wire(message: Any, payload: bytes) -> Any:
+    """Return the message with a whole payload; pymavlink leaves out the mission's id."""
     station = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-    known = mavlink.MAVLink_mission_current_message(1, total)
-    frame = bytearray(known.pack(station))
-    if mission_id:
-        payload = struct.pack("<HHBBI", 1, total, 0, 0, mission_id)
-        frame = bytearray(known._pack(station, known.crc_extra, payload))
-    decoded = mavlink.MAVLink(None).decode(frame)
-    assert decoded.total == total
-    return decoded
+    return mavlink.MAVLink(None).decode(bytearray(message._pack(station, message.crc_extra, payload)))
+
+
+def current(total: int, mission_id: int = 0) -> mavlink.MAVLink_mission_current_message:
+    message = mavlink.MAVLink_mission_current_message(1, total)
+    return over_the_wire(message, struct.pack("<HHBBI", 1, total, 0, 0, mission_id))
 
 
 SEVEN = tuple(MissionItem(16, 3, 460_000_000 + i, 145_000_000, 20.0) for i in range(7))
@@ -153,11 +151,8 @@ def test_an_own_command_that_keeps_the_mission_keeps_its_id() -> None:
 
 
 def accepted(mission_id: int) -> mavlink.MAVLink_mission_ack_message:
-    """Return the message as it comes over the wire; pymavlink leaves the id out."""
-    station = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-    known = mavlink.MAVLink_mission_ack_message(GCS_SYSID, GCS_COMPID, 0, 0)
-    payload = struct.pack("<BBBBI", GCS_SYSID, GCS_COMPID, 0, 0, mission_id)
-    return mavlink.MAVLink(None).decode(bytearray(known._pack(station, known.crc_extra, payload)))
+    message = mavlink.MAVLink_mission_ack_message(GCS_SYSID, GCS_COMPID, 0, 0)
+    return over_the_wire(message, struct.pack("<BBBBI", GCS_SYSID, GCS_COMPID, 0, 0, mission_id))
 
 
 @pytest.mark.parametrize("mission_ids", [(6, 8), (6,)])
