@@ -8,6 +8,12 @@ from vehicle_texts import PEER, ack
 from swarmctl.mavlink.protocol.command import Command, CommandOutcome
 
 
+def started_command() -> Command:
+    command = Command(PEER, 300)
+    command.start(0.0)
+    return command
+
+
 @pytest.mark.parametrize(
     ("result", "outcome", "text"),
     [
@@ -17,8 +23,7 @@ from swarmctl.mavlink.protocol.command import Command, CommandOutcome
     ],
 )
 def test_a_command_ends_with_the_vehicles_result_by_name(result, outcome, text):
-    command = Command(PEER, 300)
-    command.start(0.0)
+    command = started_command()
     command.receive(ack(300, result), 0.1)
     assert (command.result.outcome, command.result.text) == (outcome, text)
     assert command.next_deadline is None
@@ -37,16 +42,14 @@ def test_a_command_is_sent_once_and_waits_a_second_for_its_answer():
 
 @pytest.mark.parametrize("other", [ack(301, 0), ack(300, 0, to=254)], ids=["other command", "other station"])
 def test_an_acknowledgement_of_another_command_is_ignored(other):
-    command = Command(PEER, 300)
-    command.start(0.0)
+    command = started_command()
     command.receive(other, 0.1)
     assert command.result is None
     assert command.next_deadline == 1.0
 
 
 def test_in_progress_extends_the_wait():
-    command = Command(PEER, 300)
-    command.start(0.0)
+    command = started_command()
     command.receive(ack(300, 5), 0.5)
     assert command.next_deadline == 10.5
     command.receive(ack(300, 0), 1.7)
@@ -54,8 +57,7 @@ def test_in_progress_extends_the_wait():
 
 
 def test_temporarily_rejected_ends_a_command_after_a_pause():
-    command = Command(PEER, 300)
-    command.start(0.0)
+    command = started_command()
     command.receive(ack(300, 1), 0.6)
     assert (command.result, command.next_deadline) == (None, 1.6)
     command.tick(1.6)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from vehicle_texts import ITEMS, PEER, mission_ack, request
 
+from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.protocol.command import SetCurrent
 from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome
 
 
-def started_upload(*, asked: int = 0) -> Upload:
-    upload = Upload(PEER, ITEMS)
+def started_upload(items: tuple[MissionItem, ...] = ITEMS, *, asked: int = 0, **more: Any) -> Upload:
+    upload = Upload(PEER, items, **more)
     upload.start(0.0)
     for seq in range(asked):
         upload.receive(request(seq), 0.1)
@@ -64,8 +67,7 @@ def answers(upload: Upload, seq: int, now: float) -> list[int]:
 
 
 def test_eight_items_are_under_way_and_the_last_goes_out_on_request_only():
-    upload = Upload(PEER, LONG)
-    upload.start(0.0)
+    upload = started_upload(LONG)
     assert answers(upload, 0, 2.0) == list(range(8))
     assert answers(upload, 1, 4.0) == [8]
     assert answers(upload, 5, 4.0) == [9, 10, 11, 12]
@@ -75,8 +77,7 @@ def test_eight_items_are_under_way_and_the_last_goes_out_on_request_only():
 
 
 def test_an_overdue_item_is_sent_again_with_all_items_behind_it():
-    upload = Upload(PEER, LONG)
-    upload.start(0.0)
+    upload = started_upload(LONG)
     answers(upload, 0, 2.0)
     assert answers(upload, 3, 4.0) == [8, 9, 10]
     again = [seq for seq in range(3, 11) for _ in range(2)]
@@ -90,8 +91,7 @@ def test_an_overdue_item_is_sent_again_with_all_items_behind_it():
 
 def test_a_last_item_under_way_at_the_deadline_may_still_arrive():
     late = False
-    upload = Upload(PEER, ITEMS, too_late=lambda _round_trip_s: late)
-    upload.start(0.0)
+    upload = started_upload(too_late=lambda _round_trip_s: late)
     answers(upload, 0, 2.0)
     assert answers(upload, 2, 4.0) == [2]
     assert answers(upload, 2, 5.0) == [2]
@@ -104,9 +104,8 @@ def test_a_last_item_under_way_at_the_deadline_may_still_arrive():
 
 
 def test_a_last_item_on_a_slow_link_may_take_as_long_as_an_answer():
-    upload = Upload(PEER, ITEMS, too_late=lambda _round_trip_s: late)
     late = False
-    upload.start(0.0)
+    upload = started_upload(too_late=lambda _round_trip_s: late)
     answers(upload, 0, 4.0)
     assert answers(upload, 2, 8.0) == [2]
     late = True
@@ -119,8 +118,7 @@ def test_a_last_item_on_a_slow_link_may_take_as_long_as_an_answer():
 @pytest.mark.parametrize(("code", "outcome"), [(0, UploadOutcome.ACCEPTED), (1, UploadOutcome.UNCONFIRMED)])
 def test_an_error_from_before_the_last_item_does_not_end_the_upload(code, outcome):
     """PX4 refuses a second announcement that arrives when it has the first items."""
-    upload = Upload(PEER, ITEMS)
-    upload.start(0.0)
+    upload = started_upload()
     answers(upload, 0, 2.0)
     answers(upload, 2, 4.0)
     upload.receive(mission_ack(1), 4.5)
@@ -160,8 +158,7 @@ def test_endless_requests_for_one_item_end_the_upload():
 
 
 def test_an_upload_on_a_slow_link_has_no_time_limit_while_it_progresses():
-    upload = Upload(PEER, ITEMS * 20)
-    upload.start(0.0)
+    upload = started_upload(ITEMS * 20)
     for seq in range(60):
         for again in (0.0, 5.0):
             upload.tick(10.0 * seq + again)
@@ -188,7 +185,6 @@ def test_an_unconfirmed_current_item_may_have_been_set():
 
 
 def test_the_item_to_fly_is_marked_in_an_upload():
-    upload = Upload(PEER, ITEMS, current=1)
-    upload.start(0.0)
+    upload = started_upload(current=1)
     sent = [m for seq in range(3) for m in upload.receive(request(seq), 0.1)]
     assert [(m.seq, m.current) for m in sent] == [(0, 0), (1, 1), (2, 0)]

@@ -23,5 +23,9 @@ def mission_ack(result: int, *, to: int = 255, kind: int = 0):
     return mavlink.MAVLink_mission_ack_message(to, 190, result, kind)
 
 
+def mission_count(n: int):
+    return mavlink.MAVLink_mission_count_message(255, 190, n, 0)
+
+
 def kinds(messages) -> list[str]:
     return [m.get_type() for m in messages]
