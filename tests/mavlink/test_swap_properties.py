@@ -46,6 +46,7 @@ class MissionMonitor:
         self._first = bench.session.dialect.first_waypoint_seq
         self.old, self.new = bench.session.items, new
         self.behind = self.old + new[self._first :]
+        self.mixtures_s: list[float] = []
 
     def _flies(self, whole: Items, begin: int, end: int) -> bool:
         """Return true if the vehicle holds `whole` up to `end` and flies an item from `begin` to `end`.
@@ -64,34 +65,25 @@ class MissionMonitor:
             self.behind, len(self.old), len(self.behind)
         )
 
-    def is_in_a_mixture(self) -> bool:
+    def watch(self) -> None:
+        """Note the time if the vehicle flies a mixture of the plans, or to a place of neither."""
         bench = self._bench
         in_mission = bench.vehicle.armed and bench.mode == bench.session.dialect.mission_mode
-        return in_mission and not (self.flies_old() or self.flies_new())
-
-    def aims_elsewhere(self) -> bool:
-        aim = self._bench.aim
-        return aim is not None and aim not in {(i.x, i.y) for i in (*self.old, *self.new)}
+        is_mixture = in_mission and not (self.flies_old() or self.flies_new())
+        if is_mixture or bench.aim not in {None, *((i.x, i.y) for i in (*self.old, *self.new))}:
+            self.mixtures_s.append(bench.now)
 
 
 def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -> tuple[MissionMonitor, Any]:
     """Return the monitor and the result of a swap over that wire, without a mixture at any time."""
-    new = bench.session.mission_items(NEW)
-    monitor = MissionMonitor(bench, new)
-    bad: list[float] = []
-
-    def watch() -> bool:
-        if monitor.is_in_a_mixture() or monitor.aims_elsewhere():
-            bad.append(bench.now)
-        return bench.session.busy_with is None
-
+    monitor = MissionMonitor(bench, bench.session.mission_items(NEW))
     bench.spoil(wire, *cuts)
     bench.begin_swap(NEW)
-    assert bench.run(900, watch), "the swap does not end"
+    assert bench.run(900, lambda: monitor.watch() or bench.session.busy_with is None), "the swap does not end"
     result = bench.result
     bench.heal()
-    bench.run(3.0, lambda: watch() and False)  # the last messages arrive
-    assert bad == []
+    bench.run(3.0, monitor.watch)  # the last messages arrive
+    assert monitor.mixtures_s == []
     return monitor, result
 
 
@@ -171,19 +163,11 @@ def test_successive_swaps_do_not_mix_their_items(way, wire, pause_s):
 def test_a_lost_link_in_a_swap_leaves_a_whole_plan(way, end_s):
     """After any last message the vehicle flies one plan to its end or holds."""
     bench = flying(way)
-    new = bench.session.mission_items(NEW)
-    monitor = MissionMonitor(bench, new)
+    monitor = MissionMonitor(bench, bench.session.mission_items(NEW))
     bench.spoil(Faults(max_delay_s=0.05, seed=5), (end_s, 1e9))
     bench.begin_swap(NEW)
-    mixtures = []
-
-    def down() -> bool:
-        if monitor.is_in_a_mixture() or monitor.aims_elsewhere():
-            mixtures.append(bench.now)
-        return not bench.vehicle.armed
-
-    landed = bench.run(300, down)
-    assert mixtures == []
+    landed = bench.run(300, lambda: monitor.watch() or not bench.vehicle.armed)
+    assert monitor.mixtures_s == []
     if not landed:
         assert way == "in place"
         assert bench.mode == bench.session.dialect.hold_mode
