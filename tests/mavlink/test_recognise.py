@@ -9,9 +9,10 @@ import pytest
 from flying_bench import BOTH, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.mission import FlightPlan
+from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.procedures.recognise import Recognised, recognise
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
+from swarmctl.mavlink.protocol.mission_transfer import item_message
 from swarmctl.mavlink.session import Session
 
 FIRST, SECOND, OTHER = plan(), plan(east=0.001), plan(east=0.002)
@@ -97,11 +98,8 @@ def strange_item_behind(bench: FlyingBench) -> None:
     """Another station appends one item of its own."""
     count = bench.vehicle.mission.count
     bench.another_sends(mavlink.MAVLink_mission_write_partial_list_message(1, 1, count, count))
-    frame, command = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_CMD_NAV_WAYPOINT
-    where = (460_500_000, 145_000_000, 30.0)
-    bench.another_sends(
-        mavlink.MAVLink_mission_item_int_message(1, 1, count, frame, command, 0, 1, 0, 0, 0, 0, *where)
-    )
+    item = MissionItem(mavlink.MAV_CMD_NAV_WAYPOINT, 3, 460_500_000, 145_000_000, 30.0)
+    bench.another_sends(item_message(MavlinkPeer(1), count, item))
     assert bench.vehicle.mission.count == count + 1
 
 
