@@ -6,15 +6,14 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from evidence_files import ARM as ARMING
-from evidence_files import HOLD, Written
+from evidence_files import ARM, HOLD, Written
 from link_world import World, play, until, uploaded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
 
 from swarmctl.links.base import LaunchFailed
 
-ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START
+LAUNCH_COMMANDS = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START)
 
 
 class EvidenceWorld(World):
@@ -34,7 +33,7 @@ class EvidenceWorld(World):
         return ""
 
     def launch_commands(self) -> list[int]:
-        return [number for number, _ in self.copters[1].commands if number in (ARM, START)]
+        return [number for number, _ in self.copters[1].commands if number in LAUNCH_COMMANDS]
 
 
 def test_a_launch_whose_earlier_evidence_is_not_on_disk_sends_nothing(tmp_path: Path) -> None:
@@ -75,7 +74,7 @@ def test_an_arming_command_of_another_station_that_cannot_be_recorded_is_not_sen
             await world.link().connect(10)
             await asyncio.sleep(5)
             world.disk_is_full()
-            world.watching.say(ARMING)
+            world.watching.say(ARM)
             world.watching.say(HOLD)
             await until(lambda: world.copters[1].mode_name == "GUIDED", 5)
             assert world.launch_commands() == []
