@@ -350,6 +350,13 @@ def test_a_flight_shows_where_a_vehicle_starts_speeds_up_and_brakes(initial_m_s:
             assert at[0] == pytest.approx(east_m, abs=3.6)
 
 
+@pytest.mark.parametrize("first_m", [0.0, 0.005])
+def test_after_a_climb_on_the_spot_a_start_has_its_delay(first_m: float) -> None:
+    flight = fly_along((0.0, 0.0, 30.0), 36.0, [(first_m, 0.0), (200.0, 0.0)], 10.0, start_delay_s=DELAY_S)
+    level_s = next(t for t, point in zip(flight.times_s, flight.points, strict=True) if point[2] == 36.0)
+    assert flight.at(level_s + DELAY_S) == pytest.approx((0.0, 0.0, 36.0))
+
+
 def test_a_vehicle_beside_its_route_does_not_stop_at_the_next_waypoint_of_a_straight_route() -> None:
     path = [(100.0, 0.0), (130.0, 0.0), (300.0, 0.0)]
     on_route, beside = (

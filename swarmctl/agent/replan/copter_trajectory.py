@@ -193,6 +193,8 @@ def _fly_on(
     """Return the trajectory on a track from `here` along `path`, at `height_m` to the landing."""
     # The vehicle climbs evenly to the first point of its path. A longer climb delays all later points.
     level_m = min(math.dist(here[:2], path[0]) if path else 0.0, track.at_m[-1])
+    if level_m <= CORNER_M:
+        level_m = 0.0  # on the spot, before it starts
     level, level_s = track.at(level_m)
     late_s = max(climb_s(height_m - here[2]) - level_s, 0.0)
     n = bisect_left(track.at_m, level_m - CORNER_M) or 1
@@ -200,7 +202,8 @@ def _fly_on(
     for point, at_m, at_s in zip(track.points[1:n], track.at_m[1:n], track.times_s[1:n], strict=True):
         points.append((*point, here[2] + at_m / level_m * (height_m - here[2])))
         times_s.append(at_s * (1.0 + late_s / level_s))
-    if n < len(track.at_m) and track.at_m[n] > level_m + CORNER_M and height_m != here[2]:
+    is_between = n < len(track.at_m) and (level_m == 0.0 or track.at_m[n] > level_m + CORNER_M)
+    if is_between and height_m != here[2]:
         points.append((*level, height_m))
         times_s.append(level_s + late_s)
     for point, at_s in zip(track.points[n:], track.times_s[n:], strict=True):

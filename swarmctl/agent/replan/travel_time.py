@@ -9,7 +9,7 @@ that a vehicle is early rather than late.
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
@@ -41,7 +41,7 @@ flies on to it as if it came along the line."""
 LEAST_RAMP_S = 0.5
 """Least time between two points of a timed track between corners [s]."""
 LEAST_RAMP_M = 0.1
-"""Least distance of such a point from a corner [m]."""
+"""Least distance of such a point from the next corner [m]."""
 
 
 def braking_loss_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float:
@@ -89,7 +89,7 @@ def arrives_s(
 
 
 class TimedTrack(msgspec.Struct, frozen=True):
-    """A flight along a track that ends in a stop: the points at which the acceleration changes."""
+    """A flight along a track that ends in a stop, as points with times."""
 
     points: Sequence[PlanarPoint]
     """both ends, the corners, and points between them, (east, north) [m]"""
@@ -102,9 +102,11 @@ class TimedTrack(msgspec.Struct, frozen=True):
 
     def at(self, distance_m: float) -> tuple[PlanarPoint, float]:
         """Return the point at a distance along the track, and the time from the start to it [s]."""
+        if distance_m <= 0.0:
+            return self.points[0], self.times_s[0]
         if distance_m >= self.at_m[-1]:
             return self.points[-1], self.times_s[-1]
-        i = max(bisect_right(self.at_m, distance_m), 1) - 1
+        i = bisect_left(self.at_m, distance_m) - 1
         share = (distance_m - self.at_m[i]) / (self.at_m[i + 1] - self.at_m[i])
         (e0, n0), (e1, n1) = self.points[i : i + 2]
         slow, fast = self.speeds_m_s[i : i + 2]
@@ -184,10 +186,9 @@ class _Leg(msgspec.Struct, frozen=True):
         return self.settle_s + up_m_s / ACCELERATION_M_S2 + level_s + down_m_s / BRAKING_M_S2
 
     def ramps(self) -> Iterator[tuple[float, float, float]]:
-        """Yield points of the leg in order: distance [m] and time [s] from its begin, and speed [m/s].
+        """Yield points of the leg in order: distance [m] and time [s] from its start, and speed [m/s].
 
-        They are the end of the delay of a start from a stand, and the middles and inner ends of speeding up
-        and braking.
+        The points are the end of a delay, and the middles and inner ends of speeding up and braking.
         """
         if self.begin_m_s < STARTED_M_S:
             yield 0.0, self.settle_s, self.begin_m_s
