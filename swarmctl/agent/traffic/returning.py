@@ -189,7 +189,8 @@ def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
     is_blocked = ends is Verdict.OVER and _landing_conflicts(state)
     blocked = "the ground is not clear at the end of the wait" if is_blocked else ""
     if blocked and _may_return_instead(state):
-        state, ordered = start_return(state, may_hold_again=True, outcome=_outcome_with(state, blocked))
+        outcome = _outcome_with(state, blocked)
+        state, ordered = start_return(state, may_hold_again=_is_its_turn(state), outcome=outcome)
         return state, [ev.NotifyOperator(f"{blocked}; the vehicle returns [landing-blocked]"), *ordered]
     text = f"{blocked}; the vehicle lands as ordered [lands-anyway]"
     if not blocked:
