@@ -21,14 +21,25 @@ def test_a_vehicle_stops_in_time_if_its_follower_can_stop_too() -> None:
 
 
 @pytest.mark.parametrize(("ahead_m_s", "then"), [(10.0, []), (7.0, [ev.FlightOrder.HOLD])])
-def test_a_vehicle_keeps_far_enough_behind_another_one_to_stop_if_that_one_stops(
+def test_a_vehicle_keeps_far_enough_behind_a_copter_to_stop_if_the_copter_stops(
     ahead_m_s: float, then: list[ev.FlightOrder]
 ) -> None:
     """The other one announces a flight that leads away from this vehicle faster than this vehicle flies."""
-    story, ahead_m = ApproachStory(), 138.0
+    story, ahead_m = ApproachStory(), 132.0
     path = intent_path((0.0, ahead_m, MID_M[1], AMSL_M), (30.0, ahead_m + 360.0, MID_M[1], AMSL_M))
     story.tell(intents=((1, 0.0, IntentShared(1, path)),))
     story.other(1, ahead_m, MID_M[1], (ahead_m_s, 0.0, 0.0))
+    assert orders(story.at(110.0)) == then
+
+
+@pytest.mark.parametrize(("phase", "then"), [("launching", []), ("flying", [ev.FlightOrder.HOLD])])
+def test_a_copter_that_climbs_after_its_take_off_counts_as_one_that_flies_on(
+    phase: str, then: list[ev.FlightOrder]
+) -> None:
+    story, ahead_m = ApproachStory(), 155.0
+    path = intent_path((0.0, ahead_m, MID_M[1], AMSL_M), (12.0, ahead_m, MID_M[1], AMSL_M + 12.0))
+    story.tell(intents=((1, 0.0, IntentShared(1, path)),))
+    story.other(1, ahead_m, MID_M[1], (0.0, 0.0, 1.0), phase=phase)
     assert orders(story.at(110.0)) == then
 
 

@@ -4,8 +4,7 @@ All other layers decide earlier, by plans. This layer acts when those decisions 
 vehicle follows closely, has just changed its plan, or is late. Both vehicles compare the same flights: each
 one's plan, each one's present velocity, and each one's stop. A vehicle whose stop does not help cannot give
 way in time, so the other one stops; otherwise the rule of `priority` decides. A vehicle with priority stops,
-too, when its last moment for a stop has come. A vehicle also keeps so far behind a copter that it can stop if
-that one stops.
+too, when its last moment for a stop has come. It also keeps far enough away to stop if a copter ahead stops.
 
 | the vehicle | waits for | goes on |
 |---|---|---|
@@ -154,66 +153,69 @@ def _hold(state: AgentState, to: frozenset[int], text: str) -> StepResult:
 def _has_to_stop(
     state: AgentState, mine: Paths, stop: Trajectory, late_stop: Paths, uav: int, intent: NeighbourIntent
 ) -> bool:
-    """Return whether this vehicle has to stop for another one: both come too close, and the rule says so.
+    """Return whether this vehicle has to stop for another one.
 
-    At its last moment, when a later stop is too late, it stops whatever the rule says. Behind another copter
-    it also stops at the last moment for a stop of both.
+    At its last moment, when a later stop is too late, the vehicle stops whatever the priority. It does so too
+    if only a stop of the other one would be too close. Otherwise the rule of priority decides.
     """
     limits = intent.limits(state.task.separation.limits)
 
     def comes_close(paths: Paths, theirs: Paths) -> bool:
         return come_within(paths, theirs, limits, ENOUGH)
 
-    theirs, their_stop = _paths(state, uav, intent), _stop_of(state, uav)
-    follows_closely = comes_close(late_stop, their_stop) and comes_close(mine, their_stop)
-    if follows_closely and _helps(stop, mine, [their_stop], limits):
-        return True
-    if not comes_close(mine, theirs) or not _helps(stop, mine, [theirs], limits):
+    theirs, their_stop, has_to_stop = _paths(state, uav, intent), _stop_of(state, uav), False
+    for paths in (their_stop, theirs):
+        has_to_stop = comes_close(mine, paths) and _helps(stop, mine, [paths], limits)
+        if has_to_stop and comes_close(late_stop, paths):
+            return True
+    if not has_to_stop:
         return False
-    if comes_close(late_stop, theirs):
-        return True
     if state.task.separation.action == "climb" and state.phase is Phase.FLYING:
         return False  # until its last moment the vehicle climbs to give way
     here = position_amsl(state)
     assert here is not None
     own = Standing(activity_of(state.phase), True, state.task.uav, here[2])
-    return gives_way(own, _standing(state, mine, theirs, uav, limits))
+    return gives_way(own, _standing(state, mine, theirs, their_stop, uav, limits))
 
 
-def _standing(state: AgentState, mine: Paths, theirs: Paths, uav: int, limits: Limits) -> Standing:
-    """Return another vehicle's standing; it cannot yield without a report, or if its stop does not help."""
-    report, stops = state.neighbours.get(uav), _stop_of(state, uav)
-    if report is None or not stops:
+def _standing(
+    state: AgentState, mine: Paths, theirs: Paths, their_stop: Paths, uav: int, limits: Limits
+) -> Standing:
+    """Return another vehicle's standing; it cannot yield without a stop, or if the stop does not help."""
+    if not their_stop:
         return Standing(Activity.EMERGENCY, False, uav)
-    can_yield = _helps(stops[0], theirs, [mine], limits) and _may_hold(state, report)
-    return Standing(activity_of(report.state.phase), can_yield, uav, stops[0].points[0][2])
+    report, (stop,) = state.neighbours[uav], their_stop
+    can_yield = _may_hold(state, report) and _helps(stop, theirs, [mine], limits)
+    return Standing(activity_of(report.state.phase), can_yield, uav, stop.points[0][2])
 
 
 def _stop_of(state: AgentState, uav: int) -> Paths:
-    """Return the probable flight of another copter that stops now; empty if it is not heard."""
+    """Return the probable flight of another copter in flight that stops now; empty if it is not heard."""
     report = state.neighbours.get(uav)
-    path = None if report is None or not report.state.hovers else predict(state, report)
-    if report is None or path is None:
+    if report is None or not report.state.hovers or report.state.phase == Phase.LAUNCHING:
         return ()
-    here = path.higher(home_amsl_m(state)).points[0]
-    return (_stop(state, here, report.state.velocity_m_s, report.at_s),)
+    now_s, path = state.vehicle.time_boot_s, predict(state, report)
+    here = None if path is None else path.higher(home_amsl_m(state)).at(now_s)
+    return () if here is None else (_stop(state, here, report.state.velocity_m_s, now_s),)
 
 
 def _may_hold(state: AgentState, other: NeighbourReport) -> bool:
     """Return whether another vehicle may hold for this one: a copter in contact, en route or landing."""
     is_heard = 0.0 <= state.vehicle.time_boot_s - other.at_s <= MAX_REPORT_AGE_S
     is_free = activity_of(other.state.phase) in (Activity.EN_ROUTE, Activity.LANDING)
-    return is_heard and is_free and other.state.hovers and state.task.uav in other.state.hears
+    is_high = other.state.alt_rel_m >= MIN_HEIGHT_M
+    return is_heard and is_free and is_high and other.state.hovers and state.task.uav in other.state.hears
 
 
 def _can_stop_for(state: AgentState, stop: Trajectory, uav: int, intent: NeighbourIntent) -> bool:
     """Return whether another vehicle, on its known flight, can still stop clear of this vehicle's stop."""
     report = state.neighbours.get(uav)
-    if report is None or not _may_hold(state, report) or report.state.alt_rel_m < MIN_HEIGHT_M:
+    if report is None or not _may_hold(state, report):
         return False
     flight, after_s = intent.straight or intent.flight, LIKELY_REACTION_S + REACTS_S
     their_stop = _later_stop(state, flight, after_s, LIKELY_BRAKING_M_S2)
-    return share_of((stop,), their_stop, intent.limits(state.task.separation.limits)) >= ENOUGH
+    limits = intent.limits(state.task.separation.limits)
+    return not come_within((stop,), their_stop, limits, ENOUGH)
 
 
 def _helps(stop: Trajectory, paths: Paths, others: Sequence[Paths], limits: Limits) -> bool:
