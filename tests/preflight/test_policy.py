@@ -125,6 +125,7 @@ def test_members_of_a_formation_need_a_safe_end_of_set_points(
         (COPTER, {}, "FS_EKF_ACTION", [1, 3], [0, 2, 4]),
         (COPTER_47, {}, "FS_EKF_ACTION", [1, 3], [0, 2]),
         (COPTER, {}, "FS_EKF_THRESH", [0.6, 0.8, 1.0], [0, -1, 1.1, 100]),
+        (PX4, {}, "MPC_ACC_HOR", [2.5, 3, 10], [1, 2]),
         (PX4, {}, "NAV_ACC_RAD", [0, 1, 2], [2.5, 10, 30]),
         (PX4, {}, "RTL_RETURN_ALT", [0, 30, 60], [61, 100]),
         (PX4, {}, "RTL_TYPE", [0], [1, 2, 3, 4, 5]),

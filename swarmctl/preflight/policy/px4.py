@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from swarmctl.agent.replan.landing_pattern import FixedWing
-from swarmctl.agent.replan.travel_time import CORNER_RADIUS_M
+from swarmctl.agent.replan.travel_time import ACCELERATION_M_S2, CORNER_RADIUS_M
 from swarmctl.preflight.policy.behaviour import (
     SETPOINTS_STOP,
     DeclaredBehaviour,
@@ -26,6 +26,7 @@ _DEFAULT_FIRST_WAYPOINT_M, _MAX_FIRST_WAYPOINT_M = 900.0, 10_000.0  # of MIS_DIS
 _MAX_DELAY_S = 300.0  # of RTL_LAND_DELAY; -1: the copter stays in the air over home
 
 _CORNERS = f"turns within {CORNER_RADIUS_M:g} m of a waypoint"
+_BRAKES = f"braking by {ACCELERATION_M_S2:g} m/s^2 or more"
 
 
 def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
@@ -40,6 +41,7 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
         ),
         # The default is 5 m/s, half the default speed of plans.
         cruise_speed("MPC_XY_CRUISE", behaviour),
+        RequiredParameter("MPC_ACC_HOR", _BRAKES, least=ACCELERATION_M_S2, most=math.inf),
         # Uploaded waypoints do not override this radius (param2).
         RequiredParameter("NAV_ACC_RAD", _CORNERS, CORNER_RADIUS_M, least=0.0, most=CORNER_RADIUS_M),
         # A mission begins where the vehicle is; during a change of the mission the vehicle flies on.
