@@ -202,8 +202,8 @@ def _fly_on(
     for point, at_m, at_s in zip(track.points[1:n], track.at_m[1:n], track.times_s[1:n], strict=True):
         points.append((*point, here[2] + at_m / level_m * (height_m - here[2])))
         times_s.append(at_s * (1.0 + late_s / level_s))
-    is_between = n < len(track.at_m) and (level_m == 0.0 or track.at_m[n] > level_m + CORNER_M)
-    if is_between and height_m != here[2]:
+    is_own_point = n < len(track.at_m) and (level_m == 0.0 or track.at_m[n] > level_m + CORNER_M)
+    if is_own_point and height_m != here[2]:
         points.append((*level, height_m))
         times_s.append(level_s + late_s)
     for point, at_s in zip(track.points[n:], track.times_s[n:], strict=True):
