@@ -6,19 +6,17 @@ from collections.abc import Iterator
 from typing import Any
 
 from swarmctl.agent.commands import StepResult, command
-from swarmctl.agent.failsafes.base import DemandKind
+from swarmctl.agent.failsafes.base import DemandKind, urgent_reason
 from swarmctl.agent.formation.membership import Membership
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
 from swarmctl.agent.phases import ON_GROUND, PAST_PLANNING, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.returning import (
-    demanded,
     follows_order,
     hold_and_wait,
     holds_by_order,
     holds_first,
     position_for_return,
-    urgent_return_reason,
 )
 from swarmctl.agent.traffic.wait import RULES, Wait, WaitFor, begin_wait
 from swarmctl.core import events as ev
@@ -70,7 +68,7 @@ def _decide(state: AgentState, event: ev.OperatorCommand) -> _Decision:
         return "taken", "the vehicle already follows this order [already-done]", unchanged
     # A recall must not stop a landing that a failsafe demands.
     is_recall = order is ev.FlightOrder.RETURN and (bool(event.after_s) or not remote)
-    reason = demanded(state, DemandKind.LAND)
+    reason = urgent_reason(state.demands, DemandKind.LAND)
     if is_recall and reason and state.order.given is ev.FlightOrder.LAND:
         return "refused", f"a failsafe lands the vehicle: {reason} [failsafe-landing]", unchanged
     return "taken", "; ".join(_notes(state, event)), _follow_in_flight(state, event)
@@ -84,7 +82,7 @@ def _notes(state: AgentState, event: ev.OperatorCommand) -> Iterator[str]:
     if order is ev.FlightOrder.HOLD and state.waits_for(WaitFor.RETURN_PATH):
         # A failsafe demands the return only once.
         yield f"the order cancels the return that a failsafe demanded: {state.outcome} [return-cancelled]"
-    if event.after_s and (reason := urgent_return_reason(state)):
+    if event.after_s and (reason := urgent_reason(state.demands)):
         yield f"the vehicle returns at once: {reason} [urgent-return]"
     elif event.after_s:
         yield f"the vehicle first holds for {event.after_s:g} s, while other vehicles return [return-queue]"
@@ -187,7 +185,7 @@ def _follow_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResul
     if order not in _WAIT_OF_ORDER:
         return command(state, order, by_person=True, phase=Phase.HOLDING, wait=None, **changes)
     purpose = _WAIT_OF_ORDER[order]
-    if event.after_s and not urgent_return_reason(state):  # other returns are scheduled around an urgent one
+    if event.after_s and not urgent_reason(state.demands):  # other returns are scheduled around an urgent one
         wait = begin_wait(WaitFor.TURN, now_s, until_s=now_s + event.after_s)
     elif _may_wait(state, event) and (holds_first(state, order) or _is_of_shutdown(state, event)):
         wait = begin_wait(purpose, now_s)
@@ -205,7 +203,7 @@ def _is_of_shutdown(state: AgentState, event: ev.OperatorCommand) -> bool:
 
 def _may_wait(state: AgentState, event: ev.OperatorCommand) -> bool:
     """Return whether an order may wait for other vehicles; a repeated order and an urgent return do not."""
-    if event.order not in _WAIT_OF_ORDER or event.after_s is not None or urgent_return_reason(state):
+    if event.order not in _WAIT_OF_ORDER or event.after_s is not None or urgent_reason(state.demands):
         return False
     return not (state.lost or state.telemetry_is_late) and _wait_for(state, event.order) is None
 

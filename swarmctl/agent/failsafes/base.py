@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import Any, Literal, Protocol
 
@@ -125,6 +126,18 @@ class OptionalRule(Rule, Protocol):
 class ActiveRule(msgspec.Struct, frozen=True):
     rule: Rule
     params: Section
+
+
+def is_urgent(demands: Iterable[Demand | None]) -> bool:
+    """Return whether an urgent demand is for a return, a landing or a release."""
+    urgent = (demand for demand in demands if demand is not None and demand.urgent)
+    return any(STRENGTH[demand.kind] >= STRENGTH[DemandKind.RETURN] for demand in urgent)
+
+
+def urgent_reason(demands: Iterable[Demand | None], kind: DemandKind = DemandKind.RETURN) -> str:
+    """Return the reason of the first urgent demand of a kind; "" if there is none."""
+    urgent = (d.reason for d in demands if d is not None and d.kind is kind and d.urgent)
+    return next(urgent, "")
 
 
 def true_since(since_s: float | None, is_true: bool, now: float) -> float | None:

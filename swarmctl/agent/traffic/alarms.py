@@ -91,13 +91,8 @@ def _has_to_give_way(state: AgentState, other: int) -> bool:
 
 def _standing(state: AgentState, uav: int, report: NeighbourReport) -> Standing:
     phase = report.state.phase
-    can_yield = phase in EN_ROUTE and _acknowledges(state, report)
+    can_yield = phase in EN_ROUTE and report.hears(state.task.uav)
     return Standing(activity_of(phase), can_yield, uav)
-
-
-def _acknowledges(state: AgentState, other: NeighbourReport) -> bool:
-    """Return whether another vehicle acknowledges this vehicle's state."""
-    return state.task.uav in other.state.hears
 
 
 def _climb(state: AgentState) -> AgentState:
@@ -146,6 +141,6 @@ def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
         advice = f"if {other} does not give way, order it to hold"
         return f"; this vehicle cannot give way now; {advice} [alarm-cannot-yield]"
     report = state.neighbours.get(alarm.other)
-    if report is None or report.state.phase not in EN_ROUTE or _acknowledges(state, report):
+    if report is None or report.state.phase not in EN_ROUTE or report.hears(state.task.uav):
         return f"; this vehicle {does} [alarm-yields]"
     return f"; this vehicle {does}; {other} does not acknowledge receiving its state [alarm-not-heard]"

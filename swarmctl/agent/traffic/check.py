@@ -14,7 +14,6 @@ from swarmctl.agent.phases import EN_ROUTE, ENDED
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import (
     MAX_AGE_S,
-    MAX_REPORT_AGE_S,
     home_amsl_m,
     predict,
     predictions,
@@ -264,7 +263,7 @@ def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
         report = state.neighbours.get(uav)
         if report is not None and report.at_s > intent.sent_s and report.state.phase in ENDED:
             continue  # it has withdrawn its intent
-        if age_s <= FRESH_S and (report is None or now_s - report.at_s <= MAX_REPORT_AGE_S):
+        if age_s <= FRESH_S and (report is None or report.is_recent(now_s)):
             known[uav] = intent
             continue
         heard_s = intent.sent_s if report is None else max(intent.sent_s, report.at_s)

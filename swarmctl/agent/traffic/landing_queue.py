@@ -22,6 +22,7 @@ from functools import partial
 from typing import Any
 
 from swarmctl.agent.commands import StepResult, command
+from swarmctl.agent.failsafes.base import is_urgent
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoints_of
 from swarmctl.agent.state import AgentState
@@ -40,7 +41,6 @@ from swarmctl.agent.traffic.check import (
 from swarmctl.agent.traffic.own_flight import hold_from, planned_flight, position_amsl, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
-from swarmctl.agent.traffic.returning import is_urgent
 from swarmctl.agent.traffic.route_hold import follows_own_order, give_up, goes_second, hold_would_block
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
@@ -97,7 +97,7 @@ def _land_here(state: AgentState, text: str) -> StepResult:
 
 def _may_wait(state: AgentState) -> bool:
     flies_plan = state.plans.mission is not None and state.plans.pending is None
-    return flies_plan and not is_urgent(state) and follows_own_order(state)
+    return flies_plan and not is_urgent(state.demands) and follows_own_order(state)
 
 
 def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
@@ -175,7 +175,7 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
     def is_clear() -> bool:
         return not (may_move or hears_nobody(state) or _descent_conflicts(state, here))
 
-    urgent, second = is_urgent(state), partial(goes_second, state)
+    urgent, second = is_urgent(state.demands), partial(goes_second, state)
     ends, wait = verdict(wait, now_s, is_clear, goes_second=second, urgent=urgent)
     match ends:
         case Verdict.OVER if urgent:

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from swarmctl.agent.commands import StepResult
+from swarmctl.agent.failsafes.base import is_urgent
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
@@ -32,14 +33,13 @@ from swarmctl.agent.traffic.landing_queue import HOLD_BEFORE_DESCENT_S, hold_bef
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, reach
 from swarmctl.agent.traffic.prediction import (
     HEARD_S,
-    MAX_REPORT_AGE_S,
     acknowledged_s,
     hears_nobody,
     home_amsl_m,
     predict,
 )
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
-from swarmctl.agent.traffic.returning import hold_before_leaving, is_urgent, may_hold_before_leaving
+from swarmctl.agent.traffic.returning import hold_before_leaving, may_hold_before_leaving
 from swarmctl.agent.traffic.route_hold import follows_own_order, hold, may_give_way
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import (
@@ -201,10 +201,10 @@ def _stop_of(state: AgentState, uav: int) -> Paths:
 
 def _may_hold(state: AgentState, other: NeighbourReport) -> bool:
     """Return whether another vehicle may hold for this one: a copter in contact, en route or landing."""
-    is_heard = 0.0 <= state.vehicle.time_boot_s - other.at_s <= MAX_REPORT_AGE_S
+    is_heard = other.is_recent(state.vehicle.time_boot_s) and other.hears(state.task.uav)
     is_free = activity_of(other.state.phase) in (Activity.EN_ROUTE, Activity.LANDING)
     is_high = other.state.alt_rel_m >= MIN_HEIGHT_M
-    return is_heard and is_free and is_high and other.state.hovers and state.task.uav in other.state.hears
+    return is_heard and is_free and is_high and other.state.hovers
 
 
 def _can_stop_for(state: AgentState, stop: Trajectory, uav: int, intent: NeighbourIntent) -> bool:
@@ -298,7 +298,7 @@ def may_stop(state: AgentState) -> bool:
         case Phase.FLYING | Phase.FORMATION:
             return may_give_way(state)
         case Phase.LANDING:
-            return state.followed is not None and not is_urgent(state)
+            return state.followed is not None and not is_urgent(state.demands)
         case Phase.LEAVING:
             return may_hold_before_leaving(state)
     return False

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
 from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S, MAX_REPORT_AGE_S
+from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S
 from swarmctl.agent.traffic.returning import note_returning
-from swarmctl.agent.traffic.separation.watch import NeighbourReport
+from swarmctl.agent.traffic.separation.watch import MAX_REPORT_AGE_S, NeighbourReport
 from swarmctl.core.frames import StateShared
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
@@ -84,6 +84,4 @@ def _near_test(state: AgentState) -> Callable[[StateShared, PlanarPoint], bool]:
 def received_neighbours(state: AgentState) -> tuple[int, ...]:
     """Return the system ids of the nearby vehicles received recently."""
     now_s, reports = state.vehicle.time_boot_s, state.neighbours
-    return tuple(
-        sorted(uav for uav, report in reports.items() if 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S)
-    )
+    return tuple(sorted(uav for uav, report in reports.items() if report.is_recent(now_s)))

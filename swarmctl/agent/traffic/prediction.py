@@ -10,12 +10,10 @@ import math
 from swarmctl.agent.phases import ENDED, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, extrapolate
-from swarmctl.agent.traffic.separation.watch import NeighbourReport
+from swarmctl.agent.traffic.separation.watch import MAX_REPORT_AGE_S, NeighbourReport
 from swarmctl.core.frames import StateShared
 from swarmctl.core.vehicle import VehicleState
 
-MAX_REPORT_AGE_S = 5.0
-"""Greatest age of a state from which another vehicle's position is predicted [s]."""
 HEARD_S = 3.0
 """Time without a state of any vehicle nearby after which a vehicle hears no other vehicle any more [s]."""
 MAX_AGE_S = 90.0
@@ -35,7 +33,7 @@ def position_of(state: AgentState) -> LocalPoint | None:
 def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
     """Return another vehicle's extrapolated trajectory; None on the ground, or if the state is too old."""
     reported, now_s = report.state, state.vehicle.time_boot_s
-    if not 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S or reported.alt_rel_m < AIRBORNE_M:
+    if not report.is_recent(now_s) or reported.alt_rel_m < AIRBORNE_M:
         return None
     for_s = now_s - report.at_s + state.task.separation.look_ahead_s
     return extrapolate(_reported_position(state, report), reported.velocity_m_s, report.at_s, for_s)
@@ -116,7 +114,7 @@ def _is_down(reported: StateShared) -> bool:
 def acknowledged_s(state: AgentState) -> float:
     """Return the time of the last message by which another vehicle acknowledges to hear this one [s]."""
     reports = state.neighbours.values()
-    return max((r.at_s for r in reports if state.task.uav in r.state.hears), default=-math.inf)
+    return max((r.at_s for r in reports if r.hears(state.task.uav)), default=-math.inf)
 
 
 def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:

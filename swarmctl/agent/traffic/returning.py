@@ -23,7 +23,7 @@ from typing import Any
 
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes import lost_link
-from swarmctl.agent.failsafes.base import STRENGTH, DemandKind
+from swarmctl.agent.failsafes.base import DemandKind, is_urgent, urgent_reason
 from swarmctl.agent.formation.near_members import with_members_shown
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState, Task
@@ -34,7 +34,7 @@ from swarmctl.agent.traffic.check import (
     known_flights,
 )
 from swarmctl.agent.traffic.own_flight import landing_flight, position_amsl, return_flights
-from swarmctl.agent.traffic.prediction import MAX_REPORT_AGE_S, hears_nobody
+from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
 from swarmctl.agent.traffic.route_hold import would_block
@@ -123,12 +123,12 @@ def _is_blocked(state: AgentState) -> bool:
 
 def _is_its_turn(state: AgentState) -> bool:
     """Return whether no other return goes first; an urgent return is first of all."""
-    return bool(urgent_return_reason(state)) or is_return_path_clear(state, state.returning)
+    return bool(urgent_reason(state.demands)) or is_return_path_clear(state, state.returning)
 
 
 def may_hold_before_leaving(state: AgentState) -> bool:
     """Return whether a return or landing may hold for others: it is not urgent, and has time left to wait."""
-    if state.launch.is_aborted or is_urgent(state):
+    if state.launch.is_aborted or is_urgent(state.demands):
         return False
     wait = state.wait
     return (
@@ -219,7 +219,7 @@ def _land_here(state: AgentState, wait: Wait, **changes: Any) -> StepResult:
 
 
 def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
-    now_s, urgent = state.vehicle.time_boot_s, bool(urgent_return_reason(state))
+    now_s, urgent = state.vehicle.time_boot_s, bool(urgent_reason(state.demands))
     # At the end of the longest wait, vehicles start one after the other.
     n_later = _n_waiting_with_higher_id(state) if wait.purpose is WaitFor.RETURN_PATH else 0
     clear = partial(is_way_clear, state, ev.FlightOrder.RETURN)
@@ -296,9 +296,7 @@ def _leaving_conflicts(state: AgentState, flights: Sequence[Trajectory]) -> bool
 def _n_waiting_with_higher_id(state: AgentState) -> int:
     now_s = state.vehicle.time_boot_s
     return sum(
-        uav > state.task.uav
-        and report.state.phase == Phase.HOLDING
-        and now_s - report.at_s <= MAX_REPORT_AGE_S
+        uav > state.task.uav and report.state.phase == Phase.HOLDING and report.is_recent(now_s)
         for uav, report in state.returning.items()
     )
 
@@ -314,7 +312,7 @@ def _yield_to_simultaneous_start(state: AgentState, wait: Wait) -> StepResult:
         for uav, report in state.returning.items()
         if gives_way(mine, Standing(Activity.LANDING, True, uav))
     }
-    if urgent_return_reason(state) or is_return_path_clear(state, first):
+    if urgent_reason(state.demands) or is_return_path_clear(state, first):
         return state, []
     held = wait_to_return(state)
     if held is None:
@@ -338,11 +336,11 @@ def is_return_path_clear(state: AgentState, reports: Mapping[int, NeighbourRepor
         position = position_from_state(report.state, own)
         if position is None:
             continue
-        age_s, activity = now_s - report.at_s, activity_of(report.state.phase)
+        activity = activity_of(report.state.phase)
         if activity is Activity.WAITING:
-            counts = age_s <= MAX_REPORT_AGE_S and gives_way(mine, Standing(activity, True, uav))
+            counts = report.is_recent(now_s) and gives_way(mine, Standing(activity, True, uav))
         else:
-            counts = may_be_returning(position, age_s)
+            counts = may_be_returning(position, now_s - report.at_s)
         if counts:
             positions[uav] = position
     return not positions or schedule_for({**positions, state.task.uav: own}).begins_s[state.task.uav] == 0.0
@@ -366,7 +364,7 @@ def position_for_return(state: AgentState) -> VehiclePosition | None:
         min_separation_m=(limits.horizontal_m + 2.0 * holding_radius_m(state.task), limits.vertical_m),
         # Also True for an urgent return that a failsafe demands and the vehicle does not follow yet.
         is_returning=follows_order(state, ev.FlightOrder.RETURN)
-        or (bool(urgent_return_reason(state)) and state.order.given is not ev.FlightOrder.LAND),
+        or (bool(urgent_reason(state.demands)) and state.order.given is not ev.FlightOrder.LAND),
     )
 
 
@@ -383,19 +381,3 @@ def follows_order(state: AgentState, order: ev.FlightOrder) -> bool:
         and state.order.is_followed
         and not state.is_waiting  # a hold to wait is temporary
     )
-
-
-def is_urgent(state: AgentState) -> bool:
-    """Return whether an urgent failsafe demands a return, a landing or a release."""
-    demands = (demand for demand in state.demands if demand is not None and demand.urgent)
-    return any(STRENGTH[demand.kind] >= STRENGTH[DemandKind.RETURN] for demand in demands)
-
-
-def urgent_return_reason(state: AgentState) -> str:
-    """Return the reason why a failsafe demands an immediate return; "" if there is no such demand."""
-    return demanded(state, DemandKind.RETURN)
-
-
-def demanded(state: AgentState, kind: DemandKind) -> str:
-    urgent = (d.reason for d in state.demands if d is not None and d.kind is kind and d.urgent)
-    return next(urgent, "")

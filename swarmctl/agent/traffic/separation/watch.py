@@ -20,6 +20,8 @@ CLEAR_FACTOR = 1.5
 """Multiple of the limits that the prediction has to keep before an alarm ends."""
 CLEAR_FOR_S = 2.0
 """Time for which the prediction has to keep CLEAR_FACTOR before an alarm ends [s]."""
+MAX_REPORT_AGE_S = 5.0
+"""Greatest age of a state from which another vehicle's position is predicted [s]."""
 HEIGHT_MARGIN = 1.2
 """Multiple of the vertical limit that a new height keeps, because vehicles do not hold a height exactly."""
 
@@ -46,6 +48,14 @@ class NeighbourReport(msgspec.Struct, frozen=True):
     east_m: float
     north_m: float
     """reported position in the local frame of the area [m]"""
+
+    def is_recent(self, now_s: float) -> bool:
+        """Return whether a position can still be predicted from this state."""
+        return 0.0 <= now_s - self.at_s <= MAX_REPORT_AGE_S
+
+    def hears(self, uav: int) -> bool:
+        """Return whether the other vehicle acknowledges receiving the states of `uav`."""
+        return uav in self.state.hears
 
 
 class NeighbourIntent(msgspec.Struct, frozen=True):
