@@ -40,7 +40,6 @@ class Check:
     airborne: bool = False  # True: the check starts in flight
     # Document of the expected behaviour: MAVLink, a line of notes/AUTOPILOTS.md, or a file of a firmware.
     source: str = "MAVLink"
-    limit_s: float = 60.0  # time limit [s of vehicle time]
 
     @property
     def category(self) -> str:

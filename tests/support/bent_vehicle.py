@@ -74,9 +74,9 @@ def has_mission(vehicle: VehicleUnderTest, items: list[plans.PlanItem]) -> bool:
     return plans.coordinates(vehicle, plans.download(vehicle)) == plans.coordinates(vehicle, items)
 
 
-def one_check(function: Any, *needs: str, limit_s: float = 60.0) -> Check:
+def one_check(function: Any, *needs: str) -> Check:
     """Return a check outside of the registry."""
-    return Check("parameters.made_up", function, needs=frozenset(needs), limit_s=limit_s)
+    return Check("parameters.made_up", function, needs=frozenset(needs))
 
 
 def conform(wire: FleetWire, *patterns: str) -> RunReport:

@@ -5,15 +5,7 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
-from sim_vehicle.conformance.assertions import (
-    ACCEPTED,
-    Skip,
-    equal,
-    holds,
-    near,
-    refused,
-    result_name,
-)
+from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, near, refused, result_name
 from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.plans import FENCE
@@ -24,9 +16,9 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 ARM_COMMAND = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 FORCE = 21_196  # value of parameter 2 for arming or disarming without checks
 REFUSAL_S = 2.0  # longest wait for the reason of a refusal
-_check = partial(check, needs=[ARM], limit_s=200)
-_known_check = partial(check, needs=[ARM], limit_s=200, dialects=KNOWN)
-_copter_check = partial(check, needs=[ARM], limit_s=200, dialects=("ardupilot",), kind="copter")
+_check = partial(check, needs=[ARM])
+_known_check = partial(check, needs=[ARM], dialects=KNOWN)
+_copter_check = partial(check, needs=[ARM], dialects=("ardupilot",), kind="copter")
 
 
 @_check("arming.arms_and_disarms")
@@ -139,9 +131,7 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> str:
 
 
 @_check(
-    "arming.refusal_has_a_reason",
-    dialects=("ardupilot",),
-    source="AUTOPILOTS 1.3: reason only in STATUSTEXT",
+    "arming.refusal_has_a_reason", dialects=("ardupilot",), source="AUTOPILOTS 1.3: reason only in STATUSTEXT"
 )
 def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
     """Outside of an enabled fence arming is refused, and a text names the breach."""
@@ -172,10 +162,7 @@ def sets_home(vehicle: VehicleUnderTest) -> str:
 
 
 @_known_check(
-    "arming.idle_disarms",
-    kind="copter",
-    limit_s=250,
-    source="AUTOPILOTS 1.7: auto-disarms after DISARM_DELAY 10 s",
+    "arming.idle_disarms", kind="copter", source="AUTOPILOTS 1.7: auto-disarms after DISARM_DELAY 10 s"
 )
 def idle_disarms(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle on the ground disarms after the configured delay."""
@@ -204,7 +191,6 @@ def by_force(vehicle: VehicleUnderTest) -> str:
     "arming.reboot_is_refused",
     needs=[ARM, "reboot"],
     dialects=KNOWN,
-    limit_s=200,
     source="AUTOPILOTS 2: reboot is DENIED when armed",
 )
 def reboot_is_refused(vehicle: VehicleUnderTest) -> str:

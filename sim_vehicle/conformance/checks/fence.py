@@ -169,7 +169,7 @@ def old_fence_stays(vehicle: VehicleUnderTest) -> str:
     return "kept"
 
 
-@_ardupilot_check("fence.too_large", source="AUTOPILOTS 2: 200 -> NO_SPACE", limit_s=90)
+@_ardupilot_check("fence.too_large", source="AUTOPILOTS 2: 200 -> NO_SPACE")
 def too_large(vehicle: VehicleUnderTest) -> str:
     """A fence of 200 vertices is refused, and the old fence stays."""
     old = _store_square(vehicle)

@@ -110,7 +110,7 @@ for _name, _statement, _opcode, _path, _errors in (
     )
 
 
-@_check("ftp.reads_a_file", limit_s=200)
+@_check("ftp.reads_a_file")
 def reads_a_file(vehicle: VehicleUnderTest) -> str:
     """A file can be opened and read to its end."""
     with _client(vehicle) as client:
@@ -119,7 +119,7 @@ def reads_a_file(vehicle: VehicleUnderTest) -> str:
     return f"{path}, {len(data)} bytes"
 
 
-@_check("ftp.same_twice", limit_s=200)
+@_check("ftp.same_twice")
 def read_again(vehicle: VehicleUnderTest) -> str:
     """A second read of three parts of a file gives the same bytes; packed parameters may differ."""
     with _client(vehicle) as client:
@@ -134,7 +134,7 @@ def read_again(vehicle: VehicleUnderTest) -> str:
     return f"3 parts of {path}"
 
 
-@_check("ftp.end_of_file", limit_s=200)
+@_check("ftp.end_of_file")
 def end_of_file(vehicle: VehicleUnderTest) -> str:
     """A read after the end is refused as end of file."""
     with _client(vehicle) as client:
@@ -145,7 +145,7 @@ def end_of_file(vehicle: VehicleUnderTest) -> str:
     return "EndOfFile"
 
 
-@_check("ftp.burst_reads_the_same", limit_s=200)
+@_check("ftp.burst_reads_the_same")
 def burst(vehicle: VehicleUnderTest) -> str:
     """Burst reads give the same bytes as single reads; of packed parameters only the length is compared."""
     with _client(vehicle) as client:
@@ -172,7 +172,7 @@ def repeated(vehicle: VehicleUnderTest) -> str:
     return "the same"
 
 
-@_check("ftp.checksum", limit_s=200)
+@_check("ftp.checksum")
 def checksum(vehicle: VehicleUnderTest) -> str:
     """CalcFileCRC32, where supported, returns the checksum of the file."""
     with _client(vehicle) as client:
@@ -204,7 +204,7 @@ def ends_a_session(vehicle: VehicleUnderTest) -> str:
     return _refused(answer)
 
 
-@_check("ftp.packed_parameters", dialects=("ardupilot",), limit_s=200)
+@_check("ftp.packed_parameters", dialects=("ardupilot",))
 def packed_parameters(vehicle: VehicleUnderTest) -> str:
     """@PARAM/param.pck begins with its magic, and its total agrees with the parameter list within 2."""
     with _client(vehicle) as client:
@@ -249,7 +249,6 @@ def metadata_is_announced(vehicle: VehicleUnderTest) -> str:
 
 @check(
     "component.general_file_is_valid",
-    limit_s=120,
     source="PX4 generate_crc.py: the checksum of the file before its compression",
 )
 def general_file(vehicle: VehicleUnderTest) -> str:
@@ -264,7 +263,7 @@ def general_file(vehicle: VehicleUnderTest) -> str:
     return f"types {types}"
 
 
-@check("component.parameter_file_is_valid", limit_s=180)
+@check("component.parameter_file_is_valid")
 def parameter_file(vehicle: VehicleUnderTest) -> str:
     """The parameter file describes at least 90 % of the vehicle's parameters."""
     _, uri = _metadata(vehicle)

@@ -15,12 +15,12 @@ NORTH_M = 40.0  # distance of a reposition to the north
 REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
 MAX_STOP_S = 10.0  # longest time to a stop
 MAX_TURN_S = 20.0  # longest time for a turn of 90 degrees
-_check = partial(check, airborne=True, limit_s=300)
-_copter_check = partial(check, airborne=True, kind="copter", limit_s=300)
-_plane_check = partial(check, airborne=True, kind="plane", limit_s=300)
+_check = partial(check, airborne=True)
+_copter_check = partial(check, airborne=True, kind="copter")
+_plane_check = partial(check, airborne=True, kind="plane")
 
 
-@check("flight.takeoff.leaves_the_ground", needs=[ARM], kind="copter", limit_s=400)
+@check("flight.takeoff.leaves_the_ground", needs=[ARM], kind="copter")
 def takeoff_landed_state(vehicle: VehicleUnderTest) -> str:
     """In a take-off landed_state changes from ON_GROUND to IN_AIR, without LANDING in between."""
     flying.ensure_landed(vehicle)
@@ -222,7 +222,7 @@ def land_broken_off(vehicle: VehicleUnderTest) -> str:
     return f"at {height_m:.1f} m"
 
 
-@_copter_check("flight.return.comes_home", limit_s=400)
+@_copter_check("flight.return.comes_home")
 def return_home(vehicle: VehicleUnderTest) -> str:
     """After RETURN_TO_LAUNCH the vehicle lands within 5 m of home and disarms."""
     target = flying.home(vehicle)
@@ -237,7 +237,7 @@ def return_home(vehicle: VehicleUnderTest) -> str:
     return f"{off_m:.2f} m from home after {took_s:.0f} s"
 
 
-@check("flight.return.circles_home", airborne=True, kind="plane", limit_s=400)
+@check("flight.return.circles_home", airborne=True, kind="plane")
 def return_plane(vehicle: VehicleUnderTest) -> str:
     """After RETURN_TO_LAUNCH a plane flies home, and is within 400 m of home 10 s later."""
     target = flying.home(vehicle)
@@ -249,7 +249,7 @@ def return_plane(vehicle: VehicleUnderTest) -> str:
     return f"near home after {took_s:.0f} s"
 
 
-@check("flight.takeoff.reaches_the_height", needs=[ARM], kind="copter", limit_s=300)
+@check("flight.takeoff.reaches_the_height", needs=[ARM], kind="copter")
 def takeoff_height(vehicle: VehicleUnderTest) -> str:
     """After NAV_TAKEOFF the vehicle climbs to the given height and stays there."""
     flying.start_streams(vehicle)

@@ -15,7 +15,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 POSITION_ONLY, VELOCITY_ONLY, POSITION_AND_VELOCITY = 0x0DF8, 0x0DC7, 0x0DC0
 MAX_BEHIND_M = 4.0  # twice the time between set-points, and the delay of the reported position
 MAX_STOP_S = 10.0  # longest time to a stop
-_any_copter_check = partial(check, airborne=True, kind="copter", limit_s=300)
+_any_copter_check = partial(check, airborne=True, kind="copter")
 _copter_check = partial(_any_copter_check, dialects=KNOWN)
 _ardupilot_check = partial(_any_copter_check, dialects=("ardupilot",))
 _px4_check = partial(_any_copter_check, dialects=("px4",))
@@ -195,7 +195,7 @@ def climb(vehicle: VehicleUnderTest) -> str:
     return f"{hud.climb:.2f} m/s"
 
 
-@check("flight.telemetry.airspeed", airborne=True, kind="plane", limit_s=300)
+@check("flight.telemetry.airspeed", airborne=True, kind="plane")
 def airspeed(vehicle: VehicleUnderTest) -> str:
     """The airspeed of a plane is 5 to 60 m/s, and the throttle a percentage."""
     hud = vehicle.sample({"VFR_HUD": 5.0}, 2.0)["VFR_HUD"][-1]
@@ -204,7 +204,7 @@ def airspeed(vehicle: VehicleUnderTest) -> str:
     return f"{hud.airspeed:.1f} m/s, {hud.throttle} %"
 
 
-@check("flight.telemetry.battery", airborne=True, limit_s=300)
+@check("flight.telemetry.battery", airborne=True)
 def battery(vehicle: VehicleUnderTest) -> str:
     """In the air a current above 0.5 A flows, the consumption grows, and the remaining charge does not."""
     first = vehicle.request("BATTERY_STATUS")

@@ -43,7 +43,7 @@ def _away_m(vehicle: VehicleUnderTest, place: Any, limit_m: float) -> float:
     return away_m
 
 
-@check("home.by_request_message", limit_s=200)
+@check("home.by_request_message")
 def by_request_message(vehicle: VehicleUnderTest) -> str:
     """A vehicle with a position estimate sends HOME_POSITION on request."""
     home = _home(vehicle)

@@ -118,7 +118,7 @@ def begins(vehicle: VehicleUnderTest) -> str:
     return str(head[:4].hex(" "))
 
 
-@check("logs.reads_same_twice", limit_s=120)
+@check("logs.reads_same_twice")
 def same_in_one_or_two_reads(vehicle: VehicleUnderTest) -> str:
     """A part of a log has the same bytes in one read as in two reads."""
     entry = _newest(vehicle)
@@ -131,7 +131,7 @@ def same_in_one_or_two_reads(vehicle: VehicleUnderTest) -> str:
     return f"{size} bytes of log {entry.id}"
 
 
-@check("logs.end_of_log", limit_s=120)
+@check("logs.end_of_log")
 def end_of_log(vehicle: VehicleUnderTest) -> str:
     """A read beyond the end of a log brings only the bytes up to the size in LOG_ENTRY."""
     entry = _newest(vehicle)
@@ -153,7 +153,7 @@ def unknown_id(vehicle: VehicleUnderTest) -> str:
     return "no LOG_DATA with bytes"
 
 
-@check("logs.download_can_be_ended", limit_s=120)
+@check("logs.download_can_be_ended")
 def download_ends(vehicle: VehicleUnderTest) -> str:
     """LOG_REQUEST_END ends a download before the end of the log."""
     entry = max(_entries(vehicle).values(), key=lambda found: found.size, default=None)
@@ -175,7 +175,7 @@ def download_ends(vehicle: VehicleUnderTest) -> str:
     return f"after {received} of {entry.size} bytes"
 
 
-@check("logs.erase", needs=[ALTER], limit_s=90)
+@check("logs.erase", needs=[ALTER])
 def erase(vehicle: VehicleUnderTest) -> str:
     """Within 30 s of LOG_ERASE the vehicle has at most one log, the log in progress."""
     before = len(_entries(vehicle))

@@ -52,7 +52,6 @@ def _sends_on_request(vehicle: VehicleUnderTest, kind: str) -> str:
 for _kind in REQUESTED:
     check(
         f"messages.request.{_kind.lower()}",
-        limit_s=200,
         statement=f"The vehicle sends {_kind} on request; PX4 denies a repeated request without news.",
         source="PX4 mavlink_receiver.cpp, handle_request_message_command: DENIED without news",
     )(partial(_sends_on_request, kind=_kind))

@@ -33,7 +33,7 @@ def _expect_empty(vehicle: VehicleUnderTest) -> int:
     return int(within(plans.count(vehicle), 0, int(vehicle.dialect.home_item), "stored items"))
 
 
-@check("mission.upload.is_accepted", limit_s=200)
+@check("mission.upload.is_accepted")
 def is_accepted(vehicle: VehicleUnderTest) -> str:
     """A small mission is accepted."""
     done = _upload_sample(vehicle)
@@ -93,7 +93,7 @@ def one_item(vehicle: VehicleUnderTest) -> str:
     return f"{equal(plans.count(vehicle), len(items), 'items')} items"
 
 
-@check("mission.upload.many_items", limit_s=180)
+@check("mission.upload.many_items")
 def many_items(vehicle: VehicleUnderTest) -> str:
     """A mission of 100 items is accepted, and its commands and positions are read back exactly."""
     items = plans.sample_plan(vehicle, N_MANY_ITEMS, 30.0)

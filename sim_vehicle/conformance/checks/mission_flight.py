@@ -14,12 +14,12 @@ from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import PlanItem
 
-FLY_S = 300.0  # time limit of a check
+FLY_S = 270.0  # longest flight of the mission
 PASS_M = 4.0  # a waypoint within this distance counts as passed
 PAUSE_S, MAX_DRIFT_M = 5.0, 3.0  # length of a pause, and the longest way of a vehicle that stands still
-_ground_check = partial(check, needs=[ARM], kind="copter", limit_s=FLY_S)
+_ground_check = partial(check, needs=[ARM], kind="copter")
 _ardupilot_check = partial(_ground_check, dialects=("ardupilot",))
-_air_check = partial(check, airborne=True, kind="copter", limit_s=FLY_S)
+_air_check = partial(check, airborne=True, kind="copter")
 _ardupilot_air_check = partial(_air_check, dialects=("ardupilot",))
 _px4_air_check = partial(_air_check, dialects=("px4",))
 
@@ -41,7 +41,7 @@ def flies_every_item(vehicle: VehicleUnderTest) -> str:
             heights_m.append(flying.height_m(vehicle))
         return not vehicle.armed
 
-    took_s = vehicle.wait_until(done, "landed and disarmed", FLY_S - 30)
+    took_s = vehicle.wait_until(done, "landed and disarmed", FLY_S)
     equal(len(heights_m), len(targets), f"waypoints passed in order within {PASS_M:g} m")
     for height_m in heights_m:
         near(height_m, missions.HEIGHT_M, 2.0, "height at a waypoint [m]")
@@ -189,7 +189,7 @@ def fence_breach(vehicle: VehicleUnderTest) -> str:
     return f"RTL at {out_m:.0f} m"
 
 
-@check("mission-flight.plane_flies_every_item", needs=[ARM], kind="plane", limit_s=500)
+@check("mission-flight.plane_flies_every_item", needs=[ARM], kind="plane")
 def plane_flies_every_item(vehicle: VehicleUnderTest) -> str:
     """A plane passes the waypoints of a mission in order and continues to fly."""
     flying.ensure_airborne(vehicle)

@@ -166,7 +166,7 @@ for _name, _content, _change, _outcomes in _CASES:
     )(partial(_upload, change=_change, content=_content, outcomes=_outcomes))
 
 
-@check("mission.error.too_many", source="AUTOPILOTS 2: error codes", limit_s=40)
+@check("mission.error.too_many", source="AUTOPILOTS 2: error codes")
 def too_many(vehicle: VehicleUnderTest) -> str:
     """MISSION_COUNT 3000 is refused with NO_SPACE by ArduPilot; PX4 requests the first item."""
     refuses = vehicle.known(ardupilot=True, px4=False)

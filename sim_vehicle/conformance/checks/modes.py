@@ -29,7 +29,6 @@ for _role in MODE_ROLES:
         f"modes.set.{_role}",
         statement=f"DO_SET_MODE for {_role} is accepted on the ground, and the heartbeat shows the mode.",
         source="AUTOPILOTS 1.5",
-        limit_s=200,
     )(partial(_sets_mode, role=_role))
 
 
@@ -49,7 +48,7 @@ def mission_when_empty(vehicle: VehicleUnderTest) -> str:
     return f"ACCEPTED, {role}"
 
 
-@check("modes.acks_are_true", limit_s=120)
+@check("modes.acks_are_true")
 def acks_are_true(vehicle: VehicleUnderTest) -> str:
     """An accepted mode appears in the heartbeat; a refused mode does not appear."""
     if vehicle.dialect.home_item:  # without a mission ArduPlane accepts AUTO and changes to RTL
@@ -124,7 +123,7 @@ def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
     return f"{took_s:.2f} s"
 
 
-@check("modes.survives_silence", limit_s=40)
+@check("modes.survives_silence")
 def survives_silence(vehicle: VehicleUnderTest) -> str:
     """On the ground the mode does not change while the station is silent for 8 s."""
     flying.set_ready_mode(vehicle)

@@ -38,7 +38,7 @@ def _is_listed(message: Any) -> bool:
     return bool(message.param_index != parameters.UNINDEXED)
 
 
-@check("parameters.list.is_complete", limit_s=150)
+@check("parameters.list.is_complete")
 def list_is_complete(vehicle: VehicleUnderTest) -> str:
     """One request brings at least 95 % of the list; names and indices are unique, the count is constant."""
     mark = vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
@@ -86,7 +86,7 @@ def values_fit_types(vehicle: VehicleUnderTest) -> str:
     return f"{len(vehicle.catalogue)} values"
 
 
-@check("parameters.list.same_twice", limit_s=150)
+@check("parameters.list.same_twice")
 def same_twice(vehicle: VehicleUnderTest) -> str:
     """Two lists have the same names in the same order."""
     first = list(parameters.listed(vehicle))

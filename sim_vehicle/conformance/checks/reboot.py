@@ -16,7 +16,7 @@ MIN_UPTIME_S = 20.0  # shortest time since the boot before a reboot; a lower tim
 MAX_REBOOT_S = 60.0  # longest time from the reboot to an answer
 SETTLE_S = 3.0  # wait after a boot, because the vehicle undoes a mode change made in this time
 PREFLIGHT = mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
-_check = partial(check, needs=[REBOOT], limit_s=120)
+_check = partial(check, needs=[REBOOT])
 
 
 def _boot_ms(vehicle: VehicleUnderTest) -> int:
@@ -96,7 +96,7 @@ def boot_text(vehicle: VehicleUnderTest) -> str:
     return text.strip().partition("\n")[0]
 
 
-@_check("reboot.parameters_stay", limit_s=200)
+@_check("reboot.parameters_stay")
 def parameters_stay(vehicle: VehicleUnderTest) -> str:
     """A changed parameter survives a reboot."""
     name, value = parameters.harmless_change(vehicle, vehicle.dialect.integer_parameters)
@@ -107,7 +107,7 @@ def parameters_stay(vehicle: VehicleUnderTest) -> str:
     return f"{name} = {value}"
 
 
-@_check("reboot.mission_stays", dialects=KNOWN, limit_s=200)
+@_check("reboot.mission_stays", dialects=KNOWN)
 def mission_stays(vehicle: VehicleUnderTest) -> str:
     """The mission survives a reboot."""
     items = plans.store_sample(vehicle)
@@ -117,7 +117,7 @@ def mission_stays(vehicle: VehicleUnderTest) -> str:
     return f"{len(items)} items"
 
 
-@_check("reboot.fence_stays", dialects=KNOWN, claims=["MISSION_FENCE"], limit_s=200)
+@_check("reboot.fence_stays", dialects=KNOWN, claims=["MISSION_FENCE"])
 def fence_stays(vehicle: VehicleUnderTest) -> str:
     """The fence survives a reboot."""
     plans.upload_or_fail(vehicle, polygon(vehicle), plans.FENCE)
@@ -129,7 +129,7 @@ def fence_stays(vehicle: VehicleUnderTest) -> str:
     return "4 items"
 
 
-@check("reboot.not_ready_at_once", needs=[REBOOT, ARM], limit_s=300, source="AUTOPILOTS 1.3: Wait about 41 s")
+@check("reboot.not_ready_at_once", needs=[REBOOT, ARM], source="AUTOPILOTS 1.3: Wait about 41 s")
 def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
     """After a boot a known autopilot refuses arming with a text; a vehicle that reports readiness arms."""
     if vehicle.dialect.refusal is None:
@@ -148,7 +148,7 @@ def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
     return f"ready {took_s:.0f} s later"
 
 
-@_check("reboot.zero_parameters", limit_s=60)
+@_check("reboot.zero_parameters")
 def zero_parameters_do_nothing(vehicle: VehicleUnderTest) -> str:
     """PREFLIGHT_REBOOT_SHUTDOWN with all parameters 0 does not reboot."""
     before_ms = _boot_ms(vehicle)

@@ -112,7 +112,6 @@ def joystick_sets_channels(vehicle: VehicleUnderTest) -> str:
     needs=[ARM],
     kind="copter",
     dialects=KNOWN,
-    limit_s=240,
     source="AP_Arming.cpp, rc_arm_checks; Commander.cpp, arm",
 )
 def throttle_is_up(vehicle: VehicleUnderTest) -> str:
@@ -145,9 +144,7 @@ def _by_joystick(vehicle: VehicleUnderTest, role: str) -> Iterator[None]:
 
 
 def _check_flight(name: str, source: str, *dialects: str) -> Callable[[Any], Any]:
-    return check(
-        f"flight.{name}", airborne=True, kind="copter", dialects=dialects, limit_s=400, source=source
-    )
+    return check(f"flight.{name}", airborne=True, kind="copter", dialects=dialects, source=source)
 
 
 @_check_flight("sticks.altitude", "ArduPilot: PILOT_SPEED_UP, ANGLE_MAX; PX4: MPC_*", "ardupilot", "px4")

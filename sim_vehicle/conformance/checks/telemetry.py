@@ -176,7 +176,7 @@ for _name, _statement, _kinds, _agree in _STREAMS:
     check(f"telemetry.{_name}", statement=_statement)(partial(_agrees, kinds=_kinds, test=_agree))
 
 
-@check("telemetry.position.agrees_with_gps", limit_s=200)
+@check("telemetry.position.agrees_with_gps")
 def agrees_with_gps(vehicle: VehicleUnderTest) -> str:
     """GLOBAL_POSITION_INT is less than 8 m from GPS_RAW_INT."""
     flying.wait_ready(vehicle)
