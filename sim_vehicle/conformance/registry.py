@@ -1,8 +1,9 @@
 """The checks by name.
 
-A check is a function of a `VehicleUnderTest`. The function returns a short description of the observation,
-raises `CheckFailed` if the vehicle behaves wrongly, and raises `Skip` if the check does not apply.
-Its docstring is the verified statement. Checks of one shape are rows of a table with one function.
+A check is a function of a `VehicleUnderTest`. Its docstring is the verified statement. The function returns
+a measured value as text, or nothing if the statement says it all. It raises `CheckFailed` if the vehicle
+behaves wrongly, and `Skip` if the check does not apply. Checks of one shape are rows of a table with one
+function.
 """
 
 import fnmatch
@@ -15,7 +16,7 @@ from typing import Any
 from sim_vehicle.conformance.guard import ARM, CRASH, PERMISSIONS
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-CheckFunction = Callable[[VehicleUnderTest], str]
+CheckFunction = Callable[[VehicleUnderTest], str | None]
 KNOWN = ("ardupilot", "px4")  # dialects of the autopilots with known behaviour
 
 # In the order of the run; checks that could disturb other checks come late.

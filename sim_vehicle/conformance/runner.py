@@ -28,6 +28,7 @@ WRITES_PLANS = {
 FLIES = frozenset({"flight", "mission-flight"})
 LOW_BATTERY_PERCENT = 20
 RUN_CAPACITY_MAH = 30_000.0  # more than the flights of one run use
+AS_STATED = "as stated"  # observation of a passed check that measures nothing
 BOOTING_S = 5.0  # shortest time from a boot to the next check
 PACE_S = 2.0  # shortest time for a measurement of the pace of the vehicle's clock
 CHECK_S = 500.0  # time limit of a check; the longest one is the mission of a plane
@@ -293,7 +294,7 @@ def _run_function(vehicle: VehicleUnderTest, check: Check) -> CheckResult:
     began_s = vehicle.now
     vehicle.begin_check(CHECK_S)
     try:
-        outcome, seen = Outcome.PASSED, check.function(vehicle)
+        outcome, seen = Outcome.PASSED, check.function(vehicle) or AS_STATED
     except Exception as error:  # noqa: BLE001 (an unexpected answer must not stop the run)
         outcome, seen = _outcome_of(error)
         _pass_on_interrupt(error)

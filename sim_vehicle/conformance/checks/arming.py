@@ -22,20 +22,18 @@ _copter_check = partial(check, needs=[ARM], dialects=("ardupilot",), kind="copte
 
 
 @_check("arming.arms_and_disarms")
-def arms_and_disarms(vehicle: VehicleUnderTest) -> str:
+def arms_and_disarms(vehicle: VehicleUnderTest) -> None:
     """COMPONENT_ARM_DISARM arms and disarms, and the heartbeat shows both."""
     flying.arm(vehicle)
     flying.disarm(vehicle)
-    return "armed, then disarmed"
 
 
 @_check("arming.is_idempotent")
-def is_idempotent(vehicle: VehicleUnderTest) -> str:
+def is_idempotent(vehicle: VehicleUnderTest) -> None:
     """Arming an armed vehicle and disarming a disarmed vehicle are accepted."""
     with flying.armed(vehicle):
         vehicle.expect_accepted(ARM_COMMAND, 1)
     vehicle.expect_accepted(ARM_COMMAND, 0)
-    return ACCEPTED
 
 
 @_check("arming.heartbeat_follows")
@@ -49,23 +47,21 @@ def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
 
 
 @_check("arming.by_command_int")
-def by_command_int(vehicle: VehicleUnderTest) -> str:
+def by_command_int(vehicle: VehicleUnderTest) -> None:
     """Arming works as COMMAND_INT."""
     flying.wait_ready(vehicle)
     equal(vehicle.result(vehicle.command_int(ARM_COMMAND, 1)), ACCEPTED, "COMMAND_INT")
     flying.wait_until_armed(vehicle)
     flying.disarm(vehicle)
-    return ACCEPTED
 
 
 @_check("arming.by_second_station", source="AUTOPILOTS 1.15")
-def by_second_station(vehicle: VehicleUnderTest) -> str:
+def by_second_station(vehicle: VehicleUnderTest) -> None:
     """A second station can arm and disarm."""
     flying.wait_ready(vehicle)
     for value in (1, 0):
         seen = vehicle.result(vehicle.command_long(ARM_COMMAND, value), source=SECOND_STATION)
         equal(seen, ACCEPTED, f"parameter 1 = {value}")
-    return ACCEPTED
 
 
 @_check(
@@ -101,7 +97,7 @@ def system_status(vehicle: VehicleUnderTest) -> str:
 
 
 @_check("arming.prearm_bit", source="AUTOPILOTS 1.3: readiness")
-def prearm_bit(vehicle: VehicleUnderTest) -> str:
+def prearm_bit(vehicle: VehicleUnderTest) -> None:
     """A vehicle with a set pre-arm bit can be armed."""
     flying.wait_ready(vehicle)
     status = vehicle.request("SYS_STATUS")
@@ -110,11 +106,10 @@ def prearm_bit(vehicle: VehicleUnderTest) -> str:
     holds(status.onboard_control_sensors_health & flying.PREARM_BIT, "the pre-arm bit is clear")
     flying.arm(vehicle)
     flying.disarm(vehicle)
-    return "set, and the vehicle armed"
 
 
 @_check("arming.mode_not_armable", dialects=("ardupilot",), source="AUTOPILOTS 1.7")
-def mode_not_armable(vehicle: VehicleUnderTest) -> str:
+def mode_not_armable(vehicle: VehicleUnderTest) -> None:
     """The vehicle refuses arming in AUTO, and sends the reason as a text."""
     flying.wait_ready(vehicle)
     if int(parameters.value_or_none(vehicle, "AUTO_OPTIONS") or 0) & 1 or vehicle.identity.kind == "plane":
@@ -127,7 +122,6 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> str:
     texts = vehicle.texts_since(began_s)
     holds(any("not armable" in text for text in texts), f"expected '... not armable', saw {texts}")
     flying.set_ready_mode(vehicle)
-    return "FAILED, not armable"
 
 
 @_check(
@@ -177,14 +171,13 @@ def idle_disarms(vehicle: VehicleUnderTest) -> str:
 
 
 @_known_check("arming.by_force", source="AUTOPILOTS 1.14: p2=21196")
-def by_force(vehicle: VehicleUnderTest) -> str:
+def by_force(vehicle: VehicleUnderTest) -> None:
     """Forced arming and disarming (parameter 2 = 21196) are accepted."""
     flying.wait_ready(vehicle)
     vehicle.expect_accepted(ARM_COMMAND, 1, FORCE)
     flying.wait_until_armed(vehicle)
     vehicle.expect_accepted(ARM_COMMAND, 0, FORCE)
     flying.wait_until_disarmed(vehicle)
-    return ACCEPTED
 
 
 @check(
@@ -207,7 +200,7 @@ def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
     "arming.mission_start_disarmed",
     source="AUTOPILOTS 1.7: MISSION_START on a disarmed vehicle is ACCEPTED, sets AUTO, and nothing flies",
 )
-def mission_start_disarmed(vehicle: VehicleUnderTest) -> str:
+def mission_start_disarmed(vehicle: VehicleUnderTest) -> None:
     """MISSION_START on a disarmed vehicle is accepted, and the vehicle stays disarmed."""
     flying.wait_ready(vehicle)
     plans.store_sample(vehicle)
@@ -216,7 +209,6 @@ def mission_start_disarmed(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(3.0)
     holds(not vehicle.armed, "the vehicle armed")
     flying.set_ready_mode(vehicle)
-    return "AUTO, disarmed"
 
 
 @_copter_check("arming.takeoff_disarmed")

@@ -89,12 +89,11 @@ def _store_square(vehicle: VehicleUnderTest) -> list[PlanItem]:
     return items
 
 
-def _round_trip(vehicle: VehicleUnderTest, build: Build) -> str:
+def _round_trip(vehicle: VehicleUnderTest, build: Build) -> None:
     """The fence is accepted and read back, param1 (vertex count, radius) included."""
     items = build(vehicle)
     for seen, sent in zip(plans.store(vehicle, items, FENCE), items, strict=True):
         near(seen.param1, sent.params[0], 0.5, "vertex count or radius")
-    return f"{len(items)} items"
 
 
 _ROUND_TRIPS: tuple[tuple[str, str, Build], ...] = (
@@ -152,21 +151,19 @@ _ardupilot_check = partial(_fence_check, dialects=("ardupilot",))
 
 
 @_fence_check("fence.read_back_frame", source="AUTOPILOTS 2: fence read back frame 0 / read-back frame 5")
-def read_back_frame(vehicle: VehicleUnderTest) -> str:
+def read_back_frame(vehicle: VehicleUnderTest) -> None:
     """Items are read back in frame 0 on ArduPilot and in frame 5 on PX4."""
     expected = vehicle.known(ardupilot=0, px4=5)
     _store_square(vehicle)
     equal({item.frame for item in plans.download(vehicle, FENCE)}, {expected}, "frames")
-    return str(expected)
 
 
 @_fence_check("fence.refusal_keeps_the_old", source="AUTOPILOTS 2: fence atomic, old fence kept on failure")
-def old_fence_stays(vehicle: VehicleUnderTest) -> str:
+def old_fence_stays(vehicle: VehicleUnderTest) -> None:
     """After a refused upload the vehicle keeps its old fence."""
     old = _store_square(vehicle)
     refused(_result(vehicle, polygon(vehicle, SQUARE[:2])))
     plans.expect_stored(vehicle, old, FENCE)
-    return "kept"
 
 
 @_ardupilot_check("fence.too_large", source="AUTOPILOTS 2: 200 -> NO_SPACE")
@@ -185,21 +182,19 @@ def total_parameter(vehicle: VehicleUnderTest) -> str:
     return f"{equal(parameters.read(vehicle, 'FENCE_TOTAL').value, 6, 'FENCE_TOTAL'):g}"
 
 
-def _clears(vehicle: VehicleUnderTest, kind: int, build: Build) -> str:
+def _clears(vehicle: VehicleUnderTest, kind: int, build: Build) -> None:
     plans.upload_or_fail(vehicle, build(vehicle), kind)
     equal(plans.clear(vehicle, kind), ACCEPTED, "MISSION_CLEAR_ALL")
     equal(plans.count(vehicle, kind), 0, "items left")
-    return "empty"
 
 
-def _is_independent(vehicle: VehicleUnderTest, kind: int, build: Build) -> str:
+def _is_independent(vehicle: VehicleUnderTest, kind: int, build: Build) -> None:
     """An upload leaves the mission, and the clearing of the mission leaves this plan."""
     mission, items = plans.store_sample(vehicle), build(vehicle)
     plans.upload_or_fail(vehicle, items, kind)
     plans.expect_stored(vehicle, mission)
     plans.clear(vehicle)
     plans.expect_stored(vehicle, items, kind)
-    return "independent"
 
 
 _fence_check("fence.clear", statement="Clearing removes the fence.")(
@@ -215,7 +210,7 @@ _fence_check(
 @_ardupilot_check(
     "fence.interleaved_with_mission", source="AUTOPILOTS 2: mission and fence uploads may run interleaved"
 )
-def interleaved(vehicle: VehicleUnderTest) -> str:
+def interleaved(vehicle: VehicleUnderTest) -> None:
     """A mission and a fence can be uploaded at the same time, item by item."""
     sent = {MISSION: plans.sample_plan(vehicle, 4), FENCE: polygon(vehicle)}
     mark = vehicle.mark()
@@ -232,7 +227,6 @@ def interleaved(vehicle: VehicleUnderTest) -> str:
     equal(results, {MISSION: 0, FENCE: 0}, "results by type")
     for kind, items in sent.items():
         plans.expect_stored(vehicle, items, kind)
-    return "both ACCEPTED"
 
 
 @_fence_check("fence.enable_command", source="AUTOPILOTS 2: MAV_CMD_DO_FENCE_ENABLE(207)")
@@ -249,13 +243,12 @@ def enable_command(vehicle: VehicleUnderTest) -> str:
 
 # The last check of a fence leaves none, because PX4 keeps within a stored fence in later flights.
 @_fence_check("fence.empty_upload")
-def empty_upload(vehicle: VehicleUnderTest) -> str:
+def empty_upload(vehicle: VehicleUnderTest) -> None:
     """An empty upload is accepted and removes the fence."""
     _store_square(vehicle)
     equal(plans.count(vehicle, FENCE), len(SQUARE), "items before")
     plans.upload_or_fail(vehicle, [], FENCE)
     equal(plans.count(vehicle, FENCE), 0, "items left")
-    return "empty"
 
 
 _rally_check = partial(check, claims=("MISSION_RALLY",))
@@ -276,20 +269,18 @@ def empty(vehicle: VehicleUnderTest) -> str:
 
 
 @_rally_check("rally.upload")
-def upload(vehicle: VehicleUnderTest) -> str:
+def upload(vehicle: VehicleUnderTest) -> None:
     """An upload of three points is accepted, and the vehicle requests them in order."""
     done = plans.upload_or_fail(vehicle, _points(vehicle), RALLY)
     equal([seq for _, seq in done.requests], [0, 1, 2], "requested items")
-    return "3 points"
 
 
 @_rally_check("rally.read_back")
-def read_back(vehicle: VehicleUnderTest) -> str:
+def read_back(vehicle: VehicleUnderTest) -> None:
     """Positions are read back exactly, altitudes within 1 m."""
     points = _points(vehicle)
     for seen, sent in zip(plans.store(vehicle, points, RALLY), points, strict=True):
         near(seen.z, sent.z, 1.0, "z")
-    return f"{len(points)} points"
 
 
 @_rally_check("rally.replaces")

@@ -36,13 +36,12 @@ def takeoff_landed_state(vehicle: VehicleUnderTest) -> str:
 
 
 @_check("flight.status_is_active")
-def status_active(vehicle: VehicleUnderTest) -> str:
+def status_active(vehicle: VehicleUnderTest) -> None:
     """In the air system_status is ACTIVE and the armed flag is set."""
     vehicle.expect("HEARTBEAT", within_s=3)
     vehicle.wait(1.0)
     equal(vehicle.heartbeat.system_status, mavlink.MAV_STATE_ACTIVE, "system_status")
     holds(vehicle.armed, "the vehicle is not armed")
-    return "ACTIVE"
 
 
 @_check("flight.disarm_is_refused", source="AUTOPILOTS 1.14: Disarm in flight")

@@ -105,10 +105,9 @@ def mode_is_known(vehicle: VehicleUnderTest) -> str:
 
 
 @check("heartbeat.disarmed_on_the_ground")
-def disarmed(vehicle: VehicleUnderTest) -> str:
+def disarmed(vehicle: VehicleUnderTest) -> None:
     """The armed flag is clear before arming."""
     holds(not vehicle.armed, "the vehicle is armed")
-    return "disarmed"
 
 
 @check("heartbeat.system_status", source="AUTOPILOTS 1.13")
@@ -174,12 +173,11 @@ def payloads_are_trimmed(vehicle: VehicleUnderTest) -> str:
 
 
 @check("heartbeat.nothing_but_mavlink")
-def nothing_but_mavlink(vehicle: VehicleUnderTest) -> str:
+def nothing_but_mavlink(vehicle: VehicleUnderTest) -> None:
     """Between boots the link carries only frames."""
     vehicle.wait(3.0)
     noise = bytes(vehicle.noise)
     holds(not noise, f"saw {len(noise)} bytes outside of frames: {noise[:20]!r}")
-    return "no other bytes"
 
 
 def _version(vehicle: VehicleUnderTest) -> Any:
@@ -193,32 +191,29 @@ def by_request_message(vehicle: VehicleUnderTest) -> str:
 
 
 @check("version.by_request_capabilities")
-def by_request_capabilities(vehicle: VehicleUnderTest) -> str:
+def by_request_capabilities(vehicle: VehicleUnderTest) -> None:
     """The vehicle sends AUTOPILOT_VERSION for an accepted REQUEST_AUTOPILOT_CAPABILITIES."""
     mark = vehicle.mark()
     result = vehicle.command(mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1)
     if result != ACCEPTED:
         raise Skip(f"the vehicle answers the deprecated command with {result}")
     vehicle.expect("AUTOPILOT_VERSION", mark=mark)
-    return "AUTOPILOT_VERSION"
 
 
 @check("version.by_old_message")
-def by_old_message(vehicle: VehicleUnderTest) -> str:
+def by_old_message(vehicle: VehicleUnderTest) -> None:
     """ArduPilot answers AUTOPILOT_VERSION_REQUEST with AUTOPILOT_VERSION, PX4 not at all."""
     answered = vehicle.known(ardupilot=True, px4=False)
     mark = vehicle.send(mavlink.MAVLink_autopilot_version_request_message(*vehicle.target))
     version = vehicle.wait_for("AUTOPILOT_VERSION", within_s=2.0, mark=mark)
     equal(version is not None, answered, "AUTOPILOT_VERSION is sent")
-    return "answered" if answered else "not answered"
 
 
 @check("version.same_every_time")
-def same_every_time(vehicle: VehicleUnderTest) -> str:
+def same_every_time(vehicle: VehicleUnderTest) -> None:
     """Two AUTOPILOT_VERSION messages are equal."""
     first = _version(vehicle).to_dict()
     equal(_version(vehicle).to_dict(), first, "AUTOPILOT_VERSION")
-    return "equal"
 
 
 @check("version.software_is_named")
@@ -238,10 +233,9 @@ def has_an_identity(vehicle: VehicleUnderTest) -> str:
     return bytes(version.uid2).hex() if any(version.uid2) else f"{version.uid:#x}"
 
 
-def _claims(vehicle: VehicleUnderTest, *capabilities: str) -> str:
+def _claims(vehicle: VehicleUnderTest, *capabilities: str) -> None:
     missing = [name for name in capabilities if not vehicle.identity.claims(name)]
     holds(not missing, f"not claimed: {' and '.join(missing)}")
-    return ", ".join(capabilities)
 
 
 check("version.claims_mavlink2", statement="MAVLINK2 is claimed.")(lambda v: _claims(v, "MAVLINK2"))

@@ -52,14 +52,13 @@ def by_request_message(vehicle: VehicleUnderTest) -> str:
 
 
 @check("home.by_get_home_position")
-def by_get_home_position(vehicle: VehicleUnderTest) -> str:
+def by_get_home_position(vehicle: VehicleUnderTest) -> None:
     """GET_HOME_POSITION, where supported, brings HOME_POSITION."""
     mark = vehicle.mark()
     result = vehicle.command(mavlink.MAV_CMD_GET_HOME_POSITION)
     if result != ACCEPTED:
         raise Skip(f"the vehicle answers this deprecated command with {result}")
     vehicle.expect("HOME_POSITION", mark=mark)
-    return "HOME_POSITION"
 
 
 @check("home.is_near_the_vehicle")
@@ -79,7 +78,7 @@ def set_to_here(vehicle: VehicleUnderTest) -> str:
 
 
 @check("home.set_to_a_place")
-def set_to_a_place(vehicle: VehicleUnderTest) -> str:
+def set_to_a_place(vehicle: VehicleUnderTest) -> None:
     """DO_SET_HOME as COMMAND_INT sets home within 5 cm, and HOME_POSITION reports the new home."""
     with _home_restored(vehicle) as before:
         x, y = plans.offset((before.latitude, before.longitude), AWAY_M, AWAY_M)
@@ -89,7 +88,6 @@ def set_to_a_place(vehicle: VehicleUnderTest) -> str:
         home = vehicle.request("HOME_POSITION")
         near(plans.distance_m((home.latitude, home.longitude), (x, y)), 0, 0.05, "metres off")
         near(home.altitude / 1000, z, 0.1, "altitude")
-    return f"{AWAY_M:g} m north and east"
 
 
 @check("home.relative_altitude_follows")

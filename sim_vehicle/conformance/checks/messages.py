@@ -39,14 +39,13 @@ def _require(vehicle: VehicleUnderTest, kind: str) -> None:
         raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
 
 
-def _sends_on_request(vehicle: VehicleUnderTest, kind: str) -> str:
+def _sends_on_request(vehicle: VehicleUnderTest, kind: str) -> None:
     flying.wait_ready(vehicle)
     # The known autopilots send all messages of `REQUESTED`, but HOME_POSITION only with a home.
     if vehicle.dialect.is_known and kind != "HOME_POSITION":
         _require(vehicle, kind)
     else:
         vehicle.request(kind)
-    return kind
 
 
 for _kind in REQUESTED:
@@ -61,35 +60,32 @@ for _kind in REQUESTED:
     "messages.request.mission_current",
     source="PX4 mavlink_mission.cpp, send_mission_current: no stream, so a request is DENIED",
 )
-def request_mission_current(vehicle: VehicleUnderTest) -> str:
+def request_mission_current(vehicle: VehicleUnderTest) -> None:
     """ArduPilot sends MISSION_CURRENT on request; PX4 answers DENIED and sends it once a second."""
     expected = vehicle.known(ardupilot=ACCEPTED, px4="DENIED")
     mark = vehicle.mark()
-    result = equal(vehicle.command(REQUEST, id_of("MISSION_CURRENT")), expected, "REQUEST_MESSAGE")
+    equal(vehicle.command(REQUEST, id_of("MISSION_CURRENT")), expected, "REQUEST_MESSAGE")
     vehicle.expect("MISSION_CURRENT", within_s=3.0, mark=mark)
-    return result
 
 
 @check("messages.request.of_ardupilot", dialects=("ardupilot",))
-def of_ardupilot(vehicle: VehicleUnderTest) -> str:
+def of_ardupilot(vehicle: VehicleUnderTest) -> None:
     """ArduPilot sends, on request, further messages that ground stations show."""
     for kind in REQUESTED_OF_ARDUPILOT:
         _require(vehicle, kind)
-    return ", ".join(REQUESTED_OF_ARDUPILOT)
 
 
 @check("messages.request.without_data", dialects=("ardupilot",))
-def without_data(vehicle: VehicleUnderTest) -> str:
+def without_data(vehicle: VehicleUnderTest) -> None:
     """ArduPilot accepts a request for a message that it knows and has no data for, and sends nothing."""
     mark = vehicle.mark()
     equal(vehicle.command(REQUEST, id_of(WITHOUT_DATA)), ACCEPTED, f"request for {WITHOUT_DATA}")
     vehicle.wait(1.0)
     equal(len(vehicle.since(mark, WITHOUT_DATA)), 0, WITHOUT_DATA)
-    return ACCEPTED
 
 
 @check("messages.request.sends_one")
-def sends_one(vehicle: VehicleUnderTest) -> str:
+def sends_one(vehicle: VehicleUnderTest) -> None:
     """The vehicle answers one request with one message, without a stream."""
     vehicle.set_interval("BATTERY_STATUS", -1)
     mark = vehicle.mark()
@@ -97,7 +93,6 @@ def sends_one(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(2.0)
     equal(len(vehicle.since(mark, "BATTERY_STATUS")), 1, "BATTERY_STATUS after one request")
     vehicle.set_interval("BATTERY_STATUS", 0)
-    return "1"
 
 
 @check("messages.request.unknown_is_refused")
@@ -130,14 +125,13 @@ for _rate, _seconds in ((0.5, 10.0), (1.0, 8.0), (4.0, 5.0), (10.0, 4.0)):
 
 
 @check("messages.interval.stops")
-def stops(vehicle: VehicleUnderTest) -> str:
+def stops(vehicle: VehicleUnderTest) -> None:
     """An interval of -1 stops the stream."""
     with vehicle.streaming({"ATTITUDE": 5.0}):
         vehicle.expect("ATTITUDE")
         equal(vehicle.set_interval("ATTITUDE", -1), ACCEPTED, "stopping")
         vehicle.wait(0.5)
         vehicle.expect_none("ATTITUDE", during_s=2.0)
-    return "none in 2 s"
 
 
 @check("messages.interval.default")
@@ -251,14 +245,13 @@ def stream_all(vehicle: VehicleUnderTest) -> str:
 
 
 @_ardupilot_check("messages.streams.stop")
-def stream_stop(vehicle: VehicleUnderTest) -> str:
+def stream_stop(vehicle: VehicleUnderTest) -> None:
     """REQUEST_DATA_STREAM with start_stop 0 ends a stream."""
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 5)
     vehicle.expect("ATTITUDE")
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 0)
     vehicle.wait(0.5)
     vehicle.expect_none("ATTITUDE", during_s=2.0)
-    return "none in 2 s"
 
 
 @check(

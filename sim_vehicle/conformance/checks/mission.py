@@ -41,14 +41,13 @@ def is_accepted(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.upload.asks_in_order")
-def requests_in_order(vehicle: VehicleUnderTest) -> str:
+def requests_in_order(vehicle: VehicleUnderTest) -> None:
     """The vehicle requests the items in order, from 0."""
     items = plans.sample_plan(vehicle)
     seen = [seq for _, seq in plans.upload_or_fail(vehicle, items).requests]
     # On a lossy link the vehicle repeats requests, but never out of order.
     equal(sorted(set(seen)), list(range(len(items))), "requested items")
     equal(seen, sorted(seen), "order")
-    return f"0 to {len(items) - 1}"
 
 
 @check("mission.upload.kind_of_request", source="AUTOPILOTS 2: requests")
@@ -110,23 +109,21 @@ def replaces(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.upload.no_items")
-def zero_items(vehicle: VehicleUnderTest) -> str:
+def zero_items(vehicle: VehicleUnderTest) -> None:
     """MISSION_COUNT 0 is accepted and leaves at most home."""
     plans.store_sample(vehicle)
     done = plans.upload_or_fail(vehicle, [])
     equal(done.requests, (), "requests")
     _expect_empty(vehicle)
-    return done.result
 
 
 @check("mission.upload.is_announced_twice")
-def announced_twice(vehicle: VehicleUnderTest) -> str:
+def announced_twice(vehicle: VehicleUnderTest) -> None:
     """A repeated MISSION_COUNT, as after a lost request, does not disturb the upload."""
     items = plans.sample_plan(vehicle)
     vehicle.send(plans.count_message(vehicle, len(items)))
     vehicle.wait(0.1)
     plans.store(vehicle, items)
-    return ACCEPTED
 
 
 @check("mission.download.counts_what_was_sent", source="AUTOPILOTS 2: count")
@@ -137,32 +134,29 @@ def counts(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.download.places_are_exact")
-def places_are_exact(vehicle: VehicleUnderTest) -> str:
+def places_are_exact(vehicle: VehicleUnderTest) -> None:
     """Commands, latitudes and longitudes are read back exactly, altitudes to the centimetre."""
     items = plans.sample_plan(vehicle)
     back = plans.store(vehicle, items)
     for seen, sent in zip(back[1:], items[1:], strict=True):
         near(seen.z, sent.z, 0.011, f"z of item {seen.seq}")
-    return f"{len(back)} items"
 
 
 @check("mission.download.is_numbered")
-def is_numbered(vehicle: VehicleUnderTest) -> str:
+def is_numbered(vehicle: VehicleUnderTest) -> None:
     """Each item has its sequence number, the mission type and the station's system id."""
     plans.store_sample(vehicle)
     back = plans.download(vehicle)
     equal([item.seq for item in back], list(range(len(back))), "seq")
     addresses = {(item.target_system, item.mission_type) for item in back}
     equal(addresses, {(STATION[0], MISSION)}, "target and type")
-    return f"0 to {len(back) - 1}"
 
 
 @check("mission.download.legacy_request", dialects=KNOWN)
-def legacy_request(vehicle: VehicleUnderTest) -> str:
+def legacy_request(vehicle: VehicleUnderTest) -> None:
     """MISSION_REQUEST is answered by MISSION_ITEM (floats), within 3 m of the uploaded position."""
     items = plans.store_sample(vehicle)
     _expect_near(items, plans.download(vehicle, as_float=True), 1e7)
-    return "MISSION_ITEM"
 
 
 @check("mission.download.same_twice")
@@ -174,7 +168,7 @@ def same_twice(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.download.item_asked_twice")
-def item_requested_again(vehicle: VehicleUnderTest) -> str:
+def item_requested_again(vehicle: VehicleUnderTest) -> None:
     """The vehicle sends an item at each request."""
     plans.store_sample(vehicle)
     plans.open_list(vehicle)
@@ -182,7 +176,6 @@ def item_requested_again(vehicle: VehicleUnderTest) -> str:
     for _ in range(3):
         vehicle.ask(ask, "MISSION_ITEM_INT", lambda m: m.seq == 0)
     plans.end_download(vehicle)
-    return "3 times"
 
 
 @check("mission.download.by_second_station")
@@ -193,7 +186,7 @@ def by_second_station(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.download.item_zero", source="AUTOPILOTS 2: item 0 is home")
-def item_zero(vehicle: VehicleUnderTest) -> str:
+def item_zero(vehicle: VehicleUnderTest) -> None:
     """Item 0 is home on ArduPilot, even after the upload of another item 0, and an ordinary item on PX4."""
     is_home = vehicle.known(ardupilot=True, px4=False)
     place = plans.current_position(vehicle)
@@ -202,10 +195,9 @@ def item_zero(vehicle: VehicleUnderTest) -> str:
     first = plans.download(vehicle)[0]
     if not is_home:
         equal((first.x, first.y), (sent.x, sent.y), "item 0")
-        return "as sent"
+        return
     away_m = plans.distance_m((first.x, first.y), flying.home(vehicle))
     holds(away_m < 1, f"expected home, saw a position {away_m:.0f} m from home")
-    return "home"
 
 
 @check("mission.download.beyond_the_end")
@@ -221,14 +213,13 @@ def beyond_the_end(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.download.another_vehicles")
-def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> str:
+def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> None:
     """The vehicle does not answer a mission request to another system."""
     plans.store_sample(vehicle)
     plans.count(vehicle)  # confirms that the vehicle answers
     target = vehicle.unused_sysid(), vehicle.identity.component
     mark = vehicle.send(mavlink.MAVLink_mission_request_list_message(*target, MISSION))
     vehicle.expect_none("MISSION_COUNT", during_s=1.5, mark=mark)
-    return "no answer"
 
 
 @check("mission.clear.empties")
@@ -260,14 +251,13 @@ def clear_all_types(vehicle: VehicleUnderTest) -> str:
     "mission.target.other_component",
     source="AUTOPILOTS 1.15: mission requests to comp 0, 77 or 190 are executed",
 )
-def other_component(vehicle: VehicleUnderTest) -> str:
+def other_component(vehicle: VehicleUnderTest) -> None:
     """A mission request to component 77 is answered by ArduPilot and ignored by PX4."""
     executes = vehicle.known(ardupilot=True, px4=False)
     plans.store_sample(vehicle)
     mark = vehicle.send(mavlink.MAVLink_mission_request_list_message(vehicle.identity.sysid, 77, MISSION))
     equal(vehicle.wait_for("MISSION_COUNT", mark=mark) is not None, executes, "answered")
     plans.end_download(vehicle)
-    return "answered" if executes else "ignored"
 
 
 @check("mission.type.plan_of_no_kind", source="AUTOPILOTS 2: types 2 / 3 / 255")

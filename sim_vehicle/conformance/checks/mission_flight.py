@@ -70,13 +70,12 @@ def counts_upwards(vehicle: VehicleUnderTest) -> str:
 
 
 @_air_check("mission-flight.state_is_active", source="AUTOPILOTS 2: mission_state is 0 always (PX4)")
-def state_is_active(vehicle: VehicleUnderTest) -> str:
+def state_is_active(vehicle: VehicleUnderTest) -> None:
     """During a mission, mission_state is ACTIVE on ArduPilot and 0 on PX4."""
     expected = vehicle.known(ardupilot=mavlink.MISSION_STATE_ACTIVE, px4=0)
     missions.under_way(vehicle)
     vehicle.wait(1.0)
     equal(vehicle.last["MISSION_CURRENT"].message.mission_state, expected, "mission_state")
-    return str(expected)
 
 
 @_ardupilot_check(
@@ -101,7 +100,7 @@ def after_landing(vehicle: VehicleUnderTest) -> str:
 
 
 @_ardupilot_check("mission-flight.without_takeoff", source="AUTOPILOTS 1.8: Auto: Missing Takeoff Cmd")
-def without_takeoff(vehicle: VehicleUnderTest) -> str:
+def without_takeoff(vehicle: VehicleUnderTest) -> None:
     """An armed vehicle on the ground refuses AUTO, with a text, if the mission has no take-off."""
     place = plans.current_position(vehicle)
     items = plans.waypoint(place, 30, 0), plans.waypoint(place, 30, 30)
@@ -114,7 +113,6 @@ def without_takeoff(vehicle: VehicleUnderTest) -> str:
     flying.disarm(vehicle)
     equal(seen, "FAILED", "AUTO")
     holds(any("Missing Takeoff" in text for text in texts), f"expected 'Missing Takeoff Cmd', saw {texts}")
-    return "FAILED, Auto: Missing Takeoff Cmd"
 
 
 @_ardupilot_check(
@@ -190,7 +188,7 @@ def fence_breach(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission-flight.plane_flies_every_item", needs=[ARM], kind="plane")
-def plane_flies_every_item(vehicle: VehicleUnderTest) -> str:
+def plane_flies_every_item(vehicle: VehicleUnderTest) -> None:
     """A plane passes the waypoints of a mission in order and continues to fly."""
     flying.ensure_airborne(vehicle)
     place = flying.home(vehicle)
@@ -204,7 +202,6 @@ def plane_flies_every_item(vehicle: VehicleUnderTest) -> str:
     for target in targets:
         flying.wait_until_near(vehicle, target, 150, 120.0)
     holds(vehicle.armed and flying.height_m(vehicle) > 20, "the vehicle descended or disarmed")
-    return f"{len(targets)} waypoints"
 
 
 @_air_check("mission-flight.jump_by_message")
@@ -219,12 +216,11 @@ def jump_by_message(vehicle: VehicleUnderTest) -> str:
 
 
 @_ardupilot_air_check("mission-flight.jump_by_command", source="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)")
-def jump_by_command(vehicle: VehicleUnderTest) -> str:
+def jump_by_command(vehicle: VehicleUnderTest) -> None:
     """DO_SET_MISSION_CURRENT in flight makes the previous waypoint current."""
     seq = missions.under_way(vehicle)
     vehicle.expect_accepted(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, seq - 1)
     missions.wait_until_current(vehicle, seq - 1, 3.0)
-    return f"item {seq - 1}"
 
 
 @_air_check(
@@ -260,7 +256,7 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
 
 
 @_air_check("mission-flight.clear_in_flight", source="AUTOPILOTS 2: CLEAR_ALL while flying the mission")
-def clear_in_flight(vehicle: VehicleUnderTest) -> str:
+def clear_in_flight(vehicle: VehicleUnderTest) -> None:
     """ArduPilot in AUTO answers MISSION_CLEAR_ALL with ERROR; PX4 accepts the message and holds."""
     expected = vehicle.known(ardupilot="ERROR", px4=ACCEPTED)
     missions.under_way(vehicle)
@@ -272,14 +268,13 @@ def clear_in_flight(vehicle: VehicleUnderTest) -> str:
         vehicle.wait(2.0)
         equal(vehicle.mode, flying.mode_number(vehicle, "mission"), "mode")
     holds(vehicle.armed, "the vehicle disarmed")
-    return seen
 
 
 @_ardupilot_air_check(
     "mission-flight.count_zero_in_flight",
     source="AUTOPILOTS 2: COUNT 0 is accepted in AUTO, vehicle then loiters",
 )
-def count_zero_in_flight(vehicle: VehicleUnderTest) -> str:
+def count_zero_in_flight(vehicle: VehicleUnderTest) -> None:
     """An empty upload in AUTO is accepted, and the vehicle stops at its height."""
     missions.under_way(vehicle)
     plans.upload_or_fail(vehicle, [])
@@ -288,7 +283,6 @@ def count_zero_in_flight(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(8.0)
     near(flying.height_m(vehicle), before_m, 2.0, "height [m]")
     holds(flying.speed_m_s(vehicle) < 1.0, f"the vehicle moves at {flying.speed_m_s(vehicle):.1f} m/s")
-    return "ACCEPTED, loiters"
 
 
 @_air_check(
@@ -328,7 +322,7 @@ def shorter_upload(vehicle: VehicleUnderTest) -> str:
     "mission-flight.abandoned_upload_in_flight",
     source="AUTOPILOTS 2: upload is atomic? Yes: the old mission stays",
 )
-def abandoned_in_flight(vehicle: VehicleUnderTest) -> str:
+def abandoned_in_flight(vehicle: VehicleUnderTest) -> None:
     """An abandoned upload in flight does not interrupt the mission."""
     seq = missions.under_way(vehicle)
     mark = vehicle.send(plans.count_message(vehicle, 4))
@@ -336,4 +330,3 @@ def abandoned_in_flight(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(7.0)
     holds(missions.current(vehicle) >= seq, f"expected item {seq} or later, saw {missions.current(vehicle)}")
     equal(vehicle.mode, flying.mode_number(vehicle, "mission"), "mode")
-    return f"item {missions.current(vehicle)}"

@@ -70,14 +70,13 @@ def current_state(vehicle: VehicleUnderTest) -> str:
     source="AUTOPILOTS 2: MISSION_SET_CURRENT (41) works; PX4 mavlink_mission.cpp, send: the result of the "
     "check after an upload, under a second later, brings back the old index",
 )
-def set_by_message(vehicle: VehicleUnderTest) -> str:
+def set_by_message(vehicle: VehicleUnderTest) -> None:
     """MISSION_SET_CURRENT makes an item current, and MISSION_CURRENT reports this item."""
     plans.store_sample(vehicle)
     vehicle.wait(CHECKED_S)
     for seq in (2, 1):
         mark = flying.set_current(vehicle, seq)
         vehicle.wait_until(partial(_has_been_current, vehicle, mark, seq), f"MISSION_CURRENT {seq}", 3.0)
-    return "2, then 1"
 
 
 @check("mission.current.beyond_the_end")
@@ -90,7 +89,7 @@ def set_beyond_the_end(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.current.set_by_command", source="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)")
-def set_by_command(vehicle: VehicleUnderTest) -> str:
+def set_by_command(vehicle: VehicleUnderTest) -> None:
     """DO_SET_MISSION_CURRENT is accepted by ArduPilot as LONG and INT, and UNSUPPORTED on PX4."""
     expected = vehicle.known(ardupilot=ACCEPTED, px4="UNSUPPORTED")
     plans.store_sample(vehicle)
@@ -98,7 +97,6 @@ def set_by_command(vehicle: VehicleUnderTest) -> str:
     equal(vehicle.result(vehicle.command_int(SET_CURRENT, 3)), expected, "COMMAND_INT")
     if expected == ACCEPTED:
         equal(_current(vehicle).seq, 3, "seq")
-    return str(expected)
 
 
 @_ardupilot_check("mission.current.command_beyond_the_end", source="AUTOPILOTS 2: out of range DENIED(2)")
@@ -277,8 +275,7 @@ for _row in _ROWS:
     dialects=("ardupilot",),
     source="AUTOPILOTS 2: current is 0 on every item",
 )
-def current_flag(vehicle: VehicleUnderTest) -> str:
+def current_flag(vehicle: VehicleUnderTest) -> None:
     """The field `current` of every item is read back as 0."""
     plans.store_sample(vehicle)
     equal({item.current for item in plans.download(vehicle)}, {0}, "current")
-    return "0"

@@ -68,7 +68,7 @@ def gives_up(vehicle: VehicleUnderTest) -> str:
 
 
 @check("mission.trouble.abandoned_upload", source="AUTOPILOTS 2: upload is atomic?")
-def abandoned_upload(vehicle: VehicleUnderTest) -> str:
+def abandoned_upload(vehicle: VehicleUnderTest) -> None:
     """An abandoned upload leaves new and old items on ArduPilot, and the old mission on PX4."""
     atomic, ends_s = vehicle.known(ardupilot=(False, 11.0), px4=(True, 7.0))
     place, old = plans.current_position(vehicle), plans.store_sample(vehicle, N_OLD)
@@ -76,11 +76,10 @@ def abandoned_upload(vehicle: VehicleUnderTest) -> str:
     plans.begin_upload(vehicle, new, 3)
     vehicle.wait(ends_s)
     plans.expect_stored(vehicle, old if atomic else [*new[:3], *old[3 : len(new)]])
-    return "the old mission" if atomic else "3 new, the rest old"
 
 
 @check("mission.trouble.refused_item", source="AUTOPILOTS 2: a refused upload leaves a mixture")
-def refused_item(vehicle: VehicleUnderTest) -> str:
+def refused_item(vehicle: VehicleUnderTest) -> None:
     """A refused last item leaves new and old items on ArduPilot, and the old mission on PX4."""
     atomic = vehicle.known(ardupilot=False, px4=True)
     place, old = plans.current_position(vehicle), plans.store_sample(vehicle, N_OLD)
@@ -88,25 +87,22 @@ def refused_item(vehicle: VehicleUnderTest) -> str:
     new = plans.plan(vehicle, *points, _bad_item(vehicle))
     equal(plans.upload(vehicle, new).result, "UNSUPPORTED", "upload")
     plans.expect_stored(vehicle, old if atomic else [*new[:-1], *old[len(new) - 1 : len(new)]])
-    return "the old mission" if atomic else "a mixture"
 
 
 @check("mission.trouble.good_after_bad")
-def good_after_bad(vehicle: VehicleUnderTest) -> str:
+def good_after_bad(vehicle: VehicleUnderTest) -> None:
     """After a refused upload, a valid upload is accepted at once."""
     takeoff = plans.takeoff(plans.current_position(vehicle))
     plans.upload(vehicle, plans.plan(vehicle, takeoff, _bad_item(vehicle)))
     plans.store(vehicle, plans.sample_plan(vehicle))
-    return ACCEPTED
 
 
 @check("mission.trouble.cancelled")
-def cancelled(vehicle: VehicleUnderTest) -> str:
+def cancelled(vehicle: VehicleUnderTest) -> None:
     """After a cancelled upload the next upload is accepted."""
     _begin(vehicle)
     plans.cancel_upload(vehicle)
     plans.store(vehicle, plans.sample_plan(vehicle, 4))
-    return ACCEPTED
 
 
 @check("mission.trouble.duplicate_item", source="AUTOPILOTS 2: wrong / duplicate item")
@@ -170,14 +166,13 @@ def download_during_upload(vehicle: VehicleUnderTest) -> str:
 
 
 @_ardupilot_check("mission.trouble.same_station_restarts", source="AUTOPILOTS 2: same GCS may restart")
-def same_station_restarts(vehicle: VehicleUnderTest) -> str:
+def same_station_restarts(vehicle: VehicleUnderTest) -> None:
     """The uploading station may restart its upload."""
     plans.begin_upload(vehicle, plans.sample_plan(vehicle, 6), 2)
     items = plans.sample_plan(vehicle, 4)
     done = plans.upload_or_fail(vehicle, items)
     equal(done.requests[0][1], 0, "the first request")
     plans.expect_stored(vehicle, items)
-    return done.result
 
 
 def _write_partial(vehicle: VehicleUnderTest, first: int, last: int) -> int:
@@ -211,14 +206,13 @@ def partial_writes(vehicle: VehicleUnderTest) -> str:
 
 
 @_ardupilot_check("mission.partial.appends", source="AUTOPILOTS 2: may append at start=count")
-def partial_appends(vehicle: VehicleUnderTest) -> str:
+def partial_appends(vehicle: VehicleUnderTest) -> None:
     """A partial write that begins directly after the last item appends an item."""
     items, place = plans.store_sample(vehicle), plans.current_position(vehicle)
     seq = len(items)
     mark = _write_partial(vehicle, seq, seq)
     items.append(plans.waypoint(place, -90, 0))
     _answer_partial(vehicle, items, range(seq, seq + 1), mark)
-    return f"{len(items)} items"
 
 
 @_ardupilot_check("mission.partial.bad_range", source="AUTOPILOTS 2: bad range ERROR(1)")

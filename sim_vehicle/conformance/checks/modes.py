@@ -91,18 +91,17 @@ def without_custom_flag(vehicle: VehicleUnderTest) -> str:
 
 
 @check("modes.by_command_int")
-def by_command_int(vehicle: VehicleUnderTest) -> str:
+def by_command_int(vehicle: VehicleUnderTest) -> None:
     """DO_SET_MODE as COMMAND_INT sets the mode."""
     flying.set_ready_mode(vehicle)
     command = set_mode(vehicle.target, flying.mode_number(vehicle, "manual"))
     as_int = vehicle.command_int(command.command, command.param1, command.param2, command.param3)
     equal(vehicle.result(as_int), ACCEPTED, "COMMAND_INT")
     flying.wait_for_mode(vehicle, "manual")
-    return ACCEPTED
 
 
 @check("modes.set_mode_message", source="AUTOPILOTS 1.5: the SET_MODE message is not acked (PX4 does ack it)")
-def set_mode_message(vehicle: VehicleUnderTest) -> str:
+def set_mode_message(vehicle: VehicleUnderTest) -> None:
     """SET_MODE changes the mode; PX4 acknowledges the message, ArduPilot does not."""
     acked = vehicle.known(ardupilot=False, px4=True)
     flying.set_ready_mode(vehicle)
@@ -111,7 +110,6 @@ def set_mode_message(vehicle: VehicleUnderTest) -> str:
     vehicle.send(mavlink.MAVLink_set_mode_message(vehicle.identity.sysid, flag, number))
     vehicle.wait_until(lambda: vehicle.mode == number, "the mode in the heartbeat", flying.HEARTBEAT_LAG_S)
     equal(bool(vehicle.since(mark, "COMMAND_ACK")), acked, "acknowledged")
-    return "acknowledged" if acked else "not acknowledged"
 
 
 @check("modes.heartbeat_follows", source="AUTOPILOTS 1.5: the heartbeat lags the ack by up to 1 s")

@@ -101,12 +101,11 @@ def _is_unanswered(
     vehicle: VehicleUnderTest,
     build: Callable[[VehicleUnderTest], Any],
     answer: Callable[[VehicleUnderTest], Condition],
-) -> str:
+) -> None:
     """A vehicle that answers a valid read does not answer this message."""
     parameters.read(vehicle, _first(vehicle))
     vehicle.send(build(vehicle))
     vehicle.expect_none("PARAM_VALUE", answer(vehicle), during_s=SILENT_S)
-    return "no PARAM_VALUE"
 
 
 _UNANSWERED: tuple[
@@ -136,7 +135,7 @@ for _name, _statement, _build, _answer, _source in _UNANSWERED:
 
 
 @check("parameters.read.by_name")
-def read_by_name(vehicle: VehicleUnderTest) -> str:
+def read_by_name(vehicle: VehicleUnderTest) -> None:
     """A read by name gives the value and type of the list."""
     for name in list(parameters.listed(vehicle))[:: max(1, len(vehicle.catalogue) // 8)]:
         listed, found = vehicle.catalogue[name], parameters.read(vehicle, name)
@@ -144,7 +143,6 @@ def read_by_name(vehicle: VehicleUnderTest) -> str:
         equal(found.type, listed.type, f"type of {name}")
         same_index = found.index in (listed.index, parameters.UNINDEXED)
         holds(same_index, f"{name}: index {listed.index} in the list, {found.index} read")
-    return "equal to the list"
 
 
 @check("parameters.read.by_index")
@@ -223,14 +221,13 @@ def set_repeated(vehicle: VehicleUnderTest) -> str:
 
 
 @check("parameters.set.nan_is_refused", dialects=("ardupilot",))
-def set_nan(vehicle: VehicleUnderTest) -> str:
+def set_nan(vehicle: VehicleUnderTest) -> None:
     """PARAM_SET with NaN does not change the value."""
     name, _ = _real_change(vehicle)
     with parameters.restored(vehicle, name) as before:
         vehicle.send(parameters.set_message(vehicle, name, math.nan, before.type))
         vehicle.wait(0.5)
         equal(parameters.read(vehicle, name).value, before.value, name)
-    return "unchanged"
 
 
 @check("parameters.set.integer_stays_whole")
@@ -248,7 +245,7 @@ def integer_stays_whole(vehicle: VehicleUnderTest) -> str:
 
 
 @check("parameters.set.wrong_type")
-def set_wrong_type(vehicle: VehicleUnderTest) -> str:
+def set_wrong_type(vehicle: VehicleUnderTest) -> None:
     """PARAM_SET with another type is accepted by ArduPilot and refused by PX4."""
     accepts = vehicle.known(ardupilot=True, px4=False)
     name, value = _integer_change(vehicle)
@@ -256,7 +253,6 @@ def set_wrong_type(vehicle: VehicleUnderTest) -> str:
         vehicle.send(parameters.set_message(vehicle, name, value, mavlink.MAV_PARAM_TYPE_REAL32))
         vehicle.wait(0.5)
         equal(parameters.read(vehicle, name).value, float(value) if accepts else before.value, name)
-    return "accepted" if accepts else "refused"
 
 
 @check(
@@ -273,11 +269,10 @@ def encoding(vehicle: VehicleUnderTest) -> str:
 
 
 @check("parameters.hash", dialects=("px4",))
-def hash_check(vehicle: VehicleUnderTest) -> str:
+def hash_check(vehicle: VehicleUnderTest) -> None:
     """_HASH_CHECK can be read twice with the same value."""
     first = parameters.read(vehicle, "_HASH_CHECK").value
     equal(parameters.read(vehicle, "_HASH_CHECK").value, first, "_HASH_CHECK")
-    return "equal"
 
 
 @check("parameters.many_in_a_row")

@@ -68,13 +68,12 @@ def _remove_key(vehicle: VehicleUnderTest) -> None:
 
 
 @check("signing.without_a_key")
-def without_a_key(vehicle: VehicleUnderTest) -> str:
+def without_a_key(vehicle: VehicleUnderTest) -> None:
     """A vehicle without a key accepts signed frames."""
     _sign_with(vehicle, FORGER, OTHER_KEY, STAMP)
     message = vehicle.version_request()
     ack = vehicle.ask(message, "COMMAND_ACK", lambda m: m.command == message.command, source=FORGER)
     equal(result_name(ack.result), ACCEPTED, "a signed command")
-    return ACCEPTED
 
 
 @_check("signing.signs_what_it_sends")
@@ -101,12 +100,11 @@ def stamps_go_up(vehicle: VehicleUnderTest) -> str:
 
 
 @_check("signing.takes_the_right_key")
-def takes_right_key(vehicle: VehicleUnderTest) -> str:
+def takes_right_key(vehicle: VehicleUnderTest) -> None:
     """A command signed with the right key is executed."""
     with _signing_key(vehicle):
         ack = vehicle.ask(vehicle.version_request(), "COMMAND_ACK", source=SIGNER)
     equal(result_name(ack.result), ACCEPTED, "a signed command")
-    return ACCEPTED
 
 
 def _executed(vehicle: VehicleUnderTest, data: bytes) -> bool:
@@ -123,26 +121,24 @@ def _require_untrusted_link(vehicle: VehicleUnderTest) -> None:
 
 
 @_check("signing.refuses_unsigned")
-def refuses_unsigned(vehicle: VehicleUnderTest) -> str:
+def refuses_unsigned(vehicle: VehicleUnderTest) -> None:
     """An unsigned command is refused, unless the link is trusted."""
     with _signing_key(vehicle):
         _require_untrusted_link(vehicle)
-    return "refused"
 
 
 @_check("signing.refuses_the_wrong_key")
-def refuses_wrong_key(vehicle: VehicleUnderTest) -> str:
+def refuses_wrong_key(vehicle: VehicleUnderTest) -> None:
     """A command signed with a wrong key is refused, unless the link is trusted."""
     with _signing_key(vehicle) as stamp:
         _require_untrusted_link(vehicle)
         _sign_with(vehicle, FORGER, OTHER_KEY, stamp + 9000)
         executed = _executed(vehicle, vehicle.sender.pack(vehicle.version_request(), FORGER))
     holds(not executed, "expected no answer to a wrong key, saw a COMMAND_ACK")
-    return "refused"
 
 
 @_check("signing.refuses_a_replay")
-def refuses_replay(vehicle: VehicleUnderTest) -> str:
+def refuses_replay(vehicle: VehicleUnderTest) -> None:
     """A repeated signed frame is refused, unless the link is trusted."""
     with _signing_key(vehicle):
         _require_untrusted_link(vehicle)
@@ -150,15 +146,13 @@ def refuses_replay(vehicle: VehicleUnderTest) -> str:
         holds(_executed(vehicle, data), "the first command was not executed")
         executed = _executed(vehicle, data)
     holds(not executed, "expected no answer to a replay, saw a COMMAND_ACK")
-    return "refused"
 
 
 @_check("signing.can_be_turned_off")
-def turned_off(vehicle: VehicleUnderTest) -> str:
+def turned_off(vehicle: VehicleUnderTest) -> None:
     """A key of zeros ends signing."""
     with _signing_key(vehicle):
         pass
     mark = vehicle.wait(3.0)
     equal([e.kind for e in _signed(vehicle.received[mark:])], [], "signed frames")
     equal(vehicle.result(vehicle.version_request()), ACCEPTED, "an unsigned command")
-    return "off"

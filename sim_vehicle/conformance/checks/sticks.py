@@ -60,7 +60,7 @@ def _check_override(name: str, source: str) -> Callable[[Any], Any]:
 
 
 @_check_override("override_is_shown", "MAVLink: RC_CHANNELS_OVERRIDE")
-def override_is_shown(vehicle: VehicleUnderTest) -> str:
+def override_is_shown(vehicle: VehicleUnderTest) -> None:
     """RC_CHANNELS shows an override; 65535 keeps it and 0 releases it."""
     before = _roll_us(vehicle)
     with _released(vehicle):
@@ -70,11 +70,10 @@ def override_is_shown(vehicle: VehicleUnderTest) -> str:
         equal(_roll_us(vehicle), 1600, "channel 1 after 65535")
         vehicle.send(_override(vehicle, 0))
         equal(_roll_us(vehicle), before, "channel 1 after 0")
-    return f"1600, then {before}"
 
 
 @_check_override("override_ends", "ArduPilot: RC_OVERRIDE_TIME")
-def override_ends(vehicle: VehicleUnderTest) -> str:
+def override_ends(vehicle: VehicleUnderTest) -> None:
     """An override ends 3 s after its last message."""
     before = _roll_us(vehicle)
     with _released(vehicle):
@@ -83,20 +82,18 @@ def override_ends(vehicle: VehicleUnderTest) -> str:
         equal(_roll_us(vehicle), 1600, "channel 1 after 1.8 s")
         vehicle.wait(2.0)
         equal(_roll_us(vehicle), before, "channel 1 after 4.1 s")
-    return "between 1.8 s and 4.1 s"
 
 
 @_check_override("override_by_another", "GCS_Common.cpp, handle_rc_channels_override")
-def override_by_another(vehicle: VehicleUnderTest) -> str:
+def override_by_another(vehicle: VehicleUnderTest) -> None:
     """An override by another system than the own ground station has no effect."""
     before = _roll_us(vehicle)
     vehicle.send(_override(vehicle, 1600), SECOND_STATION)
     equal(_roll_us(vehicle), before, "channel 1")
-    return "no effect"
 
 
 @_check_override("joystick_sets_channels", "GCS_Common.cpp, manual_override")
-def joystick_sets_channels(vehicle: VehicleUnderTest) -> str:
+def joystick_sets_channels(vehicle: VehicleUnderTest) -> None:
     """MANUAL_CONTROL sets the channels of the sticks; 32767 releases an axis."""
     before = _roll_us(vehicle)
     with _released(vehicle):
@@ -104,7 +101,6 @@ def joystick_sets_channels(vehicle: VehicleUnderTest) -> str:
         near(_roll_us(vehicle), 1750, 2, "channel 1 for y = 500")
         _control(vehicle, 0, 0x7FFF, 0, 0)
         equal(_roll_us(vehicle), before, "channel 1 for y = 32767")
-    return "1750, then released"
 
 
 @check(
