@@ -65,7 +65,7 @@ SIMULATOR: dict[str, set[str]] = {
     "sim_vehicle.faults": {"vehicle.injected_faults", "wire", "ranges", "epoch", "problems"},
     "sim_vehicle.links": set(),
     # The conformance suite and its client fit any autopilot, so they must not depend on the simulated ones.
-    "sim_vehicle.conformance": {"links.url", "station", "definitions"},
+    "sim_vehicle.conformance": {"links", "station", "definitions"},
     "sim_vehicle.station": {"definitions", "epoch"},
 }
 
@@ -77,16 +77,13 @@ ONLY_IN: dict[str, set[str]] = {
     "mavsdk": {"swarmctl.links.mavsdk"},
     "numba": {"swarmctl.planners.kernels"},
     "pymavlink": {"swarmctl.mavlink", "sim_vehicle"},
-    "serial": {
-        "swarmctl.links.transports.serial", "sim_vehicle.links.serial", "sim_vehicle.conformance.sockets",
-    },
+    "serial": {"swarmctl.links.transports.serial", "sim_vehicle.links.serial"},
     "socket": {
         "swarmctl.links",
         "swarmctl.dashboard.server",
         "swarmctl.flight.run",
         "swarmctl.preflight.host",
         "sim_vehicle.links",
-        "sim_vehicle.conformance.sockets",
         "sim_vehicle.testing.served",
     },
     "matplotlib": {"swarmctl.report.pictures", "swarmctl.study.figures"},
@@ -143,7 +140,7 @@ SHELLS = {
     "sim_vehicle.__main__", "sim_vehicle.links", "sim_vehicle.pytest_plugin",
     "sim_vehicle.serving.serve", "sim_vehicle.serving.server", "sim_vehicle.serving.pace",
     "sim_vehicle.serving.manual_clock", "sim_vehicle.serving.display",
-    "sim_vehicle.scenarios.command", "sim_vehicle.testing.served", "sim_vehicle.conformance.sockets",
+    "sim_vehicle.scenarios.command", "sim_vehicle.testing.served", "sim_vehicle.conformance.link_wire",
     # The only module below all rooms that write files.
     "swarmctl.core.whole_file",
 }  # fmt: skip

@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 
 from sim_vehicle.conformance.guard import ALTER, ARM, CRASH, REBOOT
+from sim_vehicle.conformance.link_wire import LinkWire
 from sim_vehicle.conformance.registry import select
 from sim_vehicle.conformance.report import (
     as_json,
@@ -17,7 +18,6 @@ from sim_vehicle.conformance.report import (
     result_tables,
 )
 from sim_vehicle.conformance.runner import RunReport, granted_permissions, run
-from sim_vehicle.conformance.sockets import open_wire
 from sim_vehicle.conformance.traffic import WireError
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.links.url import UrlError, parse_url
@@ -81,7 +81,7 @@ def conformance(
             return
         if url is None:
             raise typer.BadParameter("a URL is needed, for example udpin:0.0.0.0:14550", param_hint="URL")
-        wire = open_wire(parse_url(url), speedup)
+        wire = LinkWire(parse_url(url), speedup, warn=_warn)
     except (ValueError, UrlError, WireError) as error:
         raise _usage(error) from error
     with contextlib.closing(wire):
@@ -105,11 +105,13 @@ def conformance(
 
 
 def _announce_end() -> None:
+    _warn("interrupted; landing and restoring the vehicle [restoring]")
+
+
+def _warn(line: str) -> None:
     # A closed standard error must not stop the restoration of the vehicle.
     with contextlib.suppress(OSError):
-        typer.echo(
-            "sim_vehicle conformance: interrupted; landing and restoring the vehicle [restoring]", err=True
-        )
+        typer.echo(f"sim_vehicle conformance: {line}", err=True)
 
 
 def _usage(error: Exception) -> typer.Exit:

@@ -195,12 +195,18 @@ class UdpIn:
             self._remove_peer(address)
         for address in self._received_s:
             for _, data in batch:
-                try:
-                    self._socket.sendto(data, address)
-                except BlockingIOError:
-                    self.dropped += 1
-                except OSError:  # unreachable
-                    continue
+                self.send_to(address, data)
+
+    def send_to(self, address: Address, data: bytes) -> None:
+        """Send to one address, without blocking."""
+        if self._socket is None:
+            return
+        try:
+            self._socket.sendto(data, address)
+        except BlockingIOError:
+            self.dropped += 1
+        except OSError:  # unreachable
+            pass
 
     def rebooted(self, index: int) -> None:
         """Do nothing: a listening port stays open."""

@@ -14,7 +14,7 @@ import pytest
 from serial_device import SerialDevice
 from simulator_process import Ground, free_tcp_port, free_udp_port, line, simulator
 
-from sim_vehicle.conformance.sockets import open_wire
+from sim_vehicle.conformance.link_wire import LinkWire
 from sim_vehicle.links.url import parse_url
 
 pytestmark = [pytest.mark.interop, pytest.mark.full]
@@ -119,7 +119,8 @@ def test_an_interrupted_scenario_writes_no_verdict(number: signal.Signals, tmp_p
 def test_a_returning_serial_device_is_opened_again(tmp_path: Path) -> None:
     device = SerialDevice(tmp_path / "device")
     end = device.plug_in()
-    wire = open_wire(parse_url(f"serial:{device.name}:57600"), 1.0)
+    lines: list[str] = []
+    wire = LinkWire(parse_url(f"serial:{device.name}:57600"), 1.0, warn=lines.append)
     with contextlib.closing(wire):
         os.write(end, b"before")
         assert wire.receive(LIMIT_S) == b"before"
@@ -127,7 +128,9 @@ def test_a_returning_serial_device_is_opened_again(tmp_path: Path) -> None:
         assert wire.receive(0.1) is None
         wire.send(b"unplugged")
         end = device.plug_in()
-        assert wire.receive(0.0) is None
+        while len(lines) < 2:
+            assert wire.receive(0.1) is None
+        assert ["[device-lost]" in lines[0], "[device-returned]" in lines[1]] == [True, True]
         os.write(end, b"after")
         assert wire.receive(LIMIT_S) == b"after"
         wire.send(b"answer")
