@@ -2,8 +2,7 @@
 
 A check is a function of a `VehicleUnderTest`. Its docstring is the verified statement. The function returns
 a measured value as text, or nothing if the statement says it all. It raises `CheckFailed` if the vehicle
-behaves wrongly, and `Skip` if the check does not apply. Checks of one shape are rows of a table with one
-function.
+behaves wrongly, and `Skip` if the check does not apply. Checks of one shape are the rows of `checks`.
 """
 
 import fnmatch
@@ -17,6 +16,7 @@ from sim_vehicle.conformance.guard import ARM, CRASH, PERMISSIONS
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CheckFunction = Callable[[VehicleUnderTest], str | None]
+Row = tuple[str, str, tuple[Any, ...], dict[str, Any]]
 KNOWN = ("ardupilot", "px4")  # dialects of the autopilots with known behaviour
 
 # In the order of the run; checks that could disturb other checks come late.
@@ -78,6 +78,21 @@ def check(
         return function
 
     return register
+
+
+def row(name: str, statement: str, *arguments: Any, **conditions: Any) -> Row:
+    """Return one check of a table; arguments: of the common function; conditions: fields of `Check`."""
+    return name, statement, arguments, conditions
+
+
+def checks(prefix: str, function: Callable[..., str | None], *rows: Row, **conditions: Any) -> None:
+    """Register a check for each row; the beginning of the name, the function and `conditions` are common."""
+    for name, statement, arguments, own_conditions in rows:
+
+        def checked(vehicle: VehicleUnderTest, arguments: tuple[Any, ...] = arguments) -> str | None:
+            return function(vehicle, *arguments)
+
+        check(f"{prefix}.{name}", statement=statement, **conditions, **own_conditions)(checked)
 
 
 def all_checks() -> list[Check]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -10,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance import flying
 from sim_vehicle.conformance.assertions import ACCEPTED, Skip, command_name, equal, holds, result_name
 from sim_vehicle.conformance.guard import ALTER, CRASH
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.definitions import COMMAND_CANCEL, DefinedMessage, id_of
@@ -89,22 +88,19 @@ def same_mode(vehicle: VehicleUnderTest) -> str:
     return equal(vehicle.result(set_mode(vehicle.target, vehicle.mode)), ACCEPTED, "the present mode")
 
 
-_RESULTS: tuple[tuple[str, str, Callable[[VehicleUnderTest], Any], str], ...] = (
-    ("unknown.long", "An unknown command is UNSUPPORTED.",
-     lambda v: v.command_long(NO_SUCH_COMMAND), "UNSUPPORTED"),
-    ("unknown.int", "An unknown COMMAND_INT is UNSUPPORTED.",
-     lambda v: v.command_int(NO_SUCH_COMMAND), "UNSUPPORTED"),
-    ("parameters.nan_is_unset", "NaN in unused parameters of a command has no effect.",
-     lambda v: v.command_long(REQUEST, VERSION, *[math.nan] * 5), ACCEPTED),
-)  # fmt: skip
-
-
 def _has_result(vehicle: VehicleUnderTest, build: Callable[[VehicleUnderTest], Any], expected: str) -> str:
     return equal(vehicle.result(build(vehicle)), expected, "result")
 
 
-for _name, _statement, _build, _expected in _RESULTS:
-    check(f"commands.{_name}", statement=_statement)(partial(_has_result, build=_build, expected=_expected))
+checks(
+    "commands", _has_result,
+    row("unknown.long", "An unknown command is UNSUPPORTED.",
+        lambda v: v.command_long(NO_SUCH_COMMAND), "UNSUPPORTED"),
+    row("unknown.int", "An unknown COMMAND_INT is UNSUPPORTED.",
+        lambda v: v.command_int(NO_SUCH_COMMAND), "UNSUPPORTED"),
+    row("parameters.nan_is_unset", "NaN in unused parameters of a command has no effect.",
+        lambda v: v.command_long(REQUEST, VERSION, *[math.nan] * 5), ACCEPTED),
+)  # fmt: skip
 
 
 @check("commands.int.same_as_long")
@@ -114,9 +110,9 @@ def int_same_as_long(vehicle: VehicleUnderTest) -> str:
     return equal(vehicle.result(vehicle.command_int(REQUEST, VERSION)), as_long, "COMMAND_INT")
 
 
-def _not_executed(vehicle: VehicleUnderTest, message: Any) -> str:
+def _not_executed(vehicle: VehicleUnderTest, build: Callable[[VehicleUnderTest], Any]) -> str:
     allowed = [[]] if vehicle.dialect.name == "ardupilot" else [[], ["FAILED"]]
-    mark = vehicle.send(message)
+    mark = vehicle.send(build(vehicle))
     vehicle.wait(1.5)
     equal(vehicle.since(mark, "AUTOPILOT_VERSION"), [], "AUTOPILOT_VERSION")
     seen = _results(vehicle, mark)
@@ -124,18 +120,24 @@ def _not_executed(vehicle: VehicleUnderTest, message: Any) -> str:
     return ", ".join(seen) or "no answer"
 
 
-@check("commands.target.another_vehicle", source=FOREIGN)
-def another_vehicle(vehicle: VehicleUnderTest) -> str:
-    """A command to another system is not executed; ArduPilot does not answer it, PX4 answers FAILED."""
-    return _not_executed(vehicle, vehicle.version_request(to=(vehicle.unused_sysid(), 1)))
-
-
-@check("commands.target.another_vehicle_int", source=FOREIGN)
-def another_vehicle_int(vehicle: VehicleUnderTest) -> str:
-    """A COMMAND_INT to another system is not executed; ArduPilot is silent, PX4 answers FAILED."""
+def _to_another(vehicle: VehicleUnderTest) -> Any:
     message = vehicle.command_int(REQUEST, VERSION)
     message.target_system = vehicle.unused_sysid()
-    return _not_executed(vehicle, message)
+    return message
+
+
+checks(
+    "commands.target", _not_executed,
+    row("another_vehicle",
+        "A command to another system is not executed; ArduPilot does not answer it, PX4 answers FAILED.",
+        lambda v: v.version_request(to=(v.unused_sysid(), 1))),
+    row("another_vehicle_int",
+        "A COMMAND_INT to another system is not executed; ArduPilot is silent, PX4 answers FAILED.",
+        _to_another),
+    row("broadcast_is_refused", "PX4 does not execute REQUEST_MESSAGE to system 0.",
+        lambda v: v.version_request(to=(0, 0)), dialects=("px4",)),
+    source=FOREIGN,
+)  # fmt: skip
 
 
 @check("commands.target.broadcast")
@@ -262,9 +264,3 @@ def nothing_to_cancel(vehicle: VehicleUnderTest) -> str:
     _cancel(vehicle, REQUEST)
     vehicle.wait(0.5)
     return f"the next command is {_next_is_accepted(vehicle)}"
-
-
-@check("commands.target.broadcast_is_refused", dialects=("px4",), source=FOREIGN)
-def px4_refuses_system_0(vehicle: VehicleUnderTest) -> str:
-    """PX4 does not execute REQUEST_MESSAGE to system 0."""
-    return _not_executed(vehicle, vehicle.version_request(to=(0, 0)))

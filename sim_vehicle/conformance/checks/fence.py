@@ -10,11 +10,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance import parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, equal, near, refused
 from sim_vehicle.conformance.plans import FENCE, RALLY
-from sim_vehicle.conformance.registry import KNOWN, check
+from sim_vehicle.conformance.registry import KNOWN, check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import MISSION, PlanItem
 
-CLAIMS = ("MISSION_FENCE",)
+CLAIMS, RALLY_CLAIMS = ("MISSION_FENCE",), ("MISSION_RALLY",)
 INCLUSION_VERTEX = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
 EXCLUSION_VERTEX = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
 INCLUSION_CIRCLE = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
@@ -96,25 +96,22 @@ def _round_trip(vehicle: VehicleUnderTest, build: Build) -> None:
         near(seen.param1, sent.params[0], 0.5, "vertex count or radius")
 
 
-_ROUND_TRIPS: tuple[tuple[str, str, Build], ...] = (
-    ("polygon", "An inclusion polygon is accepted, and its vertices are read back exactly.", polygon),
-    ("exclusion_polygon",
-     "An exclusion and an inclusion polygon are accepted, and their vertices are read back exactly.",
-     lambda v: [*polygon(v), *polygon(v, TRIANGLE, command=EXCLUSION_VERTEX)]),
-    ("circle", "An inclusion circle keeps its radius.", lambda v: [circle(v, 250)]),
-    ("exclusion_circle",
-     "An inclusion and an exclusion circle are accepted, and their centres are read back exactly.",
-     lambda v: [circle(v, 300), circle(v, 20, north_m=120, command=EXCLUSION_CIRCLE)]),
-)  # fmt: skip
-for _name, _statement, _build in _ROUND_TRIPS:
-    check(f"fence.{_name}", statement=_statement, claims=CLAIMS)(partial(_round_trip, build=_build))
-check(
-    "fence.self_intersecting",
-    statement="A self-intersecting polygon is accepted, and its vertices are read back exactly.",
+checks(
+    "fence", _round_trip,
+    row("polygon", "An inclusion polygon is accepted, and its vertices are read back exactly.", polygon),
+    row("exclusion_polygon",
+        "An exclusion and an inclusion polygon are accepted, and their vertices are read back exactly.",
+        lambda v: [*polygon(v), *polygon(v, TRIANGLE, command=EXCLUSION_VERTEX)]),
+    row("circle", "An inclusion circle keeps its radius.", lambda v: [circle(v, 250)]),
+    row("exclusion_circle",
+        "An inclusion and an exclusion circle are accepted, and their centres are read back exactly.",
+        lambda v: [circle(v, 300), circle(v, 20, north_m=120, command=EXCLUSION_CIRCLE)]),
+    row("self_intersecting",
+        "A self-intersecting polygon is accepted, and its vertices are read back exactly.",
+        lambda v: polygon(v, CROSSED),
+        dialects=("ardupilot",), source="AUTOPILOTS 2: self-intersecting accepted"),
     claims=CLAIMS,
-    dialects=("ardupilot",),
-    source="AUTOPILOTS 2: self-intersecting accepted",
-)(partial(_round_trip, build=lambda v: polygon(v, CROSSED)))
+)  # fmt: skip
 
 
 def _uploads(vehicle: VehicleUnderTest, build: Build, results: Mapping[str, str]) -> str:
@@ -124,26 +121,24 @@ def _uploads(vehicle: VehicleUnderTest, build: Build, results: Mapping[str, str]
     return refused(seen) if expected is None else equal(seen, expected, "upload")
 
 
-_RESULTS: tuple[tuple[str, str, Build, dict[str, str], tuple[str, ...], str], ...] = (
-    ("relative_frame", "Items in frame 3 are accepted.", lambda v: _in_frame(polygon(v), 3),
-     {"ardupilot": ACCEPTED, "px4": ACCEPTED}, KNOWN,
-     "AUTOPILOTS 2: fence frames 0,3,5,6 / frame 0 and 3 accepted"),
-    ("mission_frame", "Items in frame 2 are refused.", lambda v: _in_frame(polygon(v), 2), {},
-     ("ardupilot",), "AUTOPILOTS 2: fence frames (2 refused)"),
-    ("two_vertices", "A polygon of two vertices is refused.", lambda v: polygon(v, SQUARE[:2]),
-     {"ardupilot": "ERROR", "px4": "ERROR"}, (), "AUTOPILOTS 2: 2-vertex polygon -> ERROR"),
-    ("wrong_vertex_count",
-     "A polygon of four vertices with a vertex count of 6 is an ERROR on ArduPilot, ACCEPTED on PX4.",
-     lambda v: polygon(v, vertex_count=6), {"ardupilot": "ERROR", "px4": ACCEPTED}, KNOWN,
-     "AUTOPILOTS 2: wrong vertex count"),
-    ("wrong_command", "A waypoint in a fence is refused.",
-     lambda v: [circle(v, 250, command=mavlink.MAV_CMD_NAV_WAYPOINT)], {}, ("ardupilot", "mavlink"),
-     "MAVLink"),
+checks(
+    "fence", _uploads,
+    row("relative_frame", "Items in frame 3 are accepted.", lambda v: _in_frame(polygon(v), 3),
+        {"ardupilot": ACCEPTED, "px4": ACCEPTED},
+        dialects=KNOWN, source="AUTOPILOTS 2: fence frames 0,3,5,6 / frame 0 and 3 accepted"),
+    row("mission_frame", "Items in frame 2 are refused.", lambda v: _in_frame(polygon(v), 2), {},
+        dialects=("ardupilot",), source="AUTOPILOTS 2: fence frames (2 refused)"),
+    row("two_vertices", "A polygon of two vertices is refused.", lambda v: polygon(v, SQUARE[:2]),
+        {"ardupilot": "ERROR", "px4": "ERROR"}, source="AUTOPILOTS 2: 2-vertex polygon -> ERROR"),
+    row("wrong_vertex_count",
+        "A polygon of four vertices with a vertex count of 6 is an ERROR on ArduPilot, ACCEPTED on PX4.",
+        lambda v: polygon(v, vertex_count=6), {"ardupilot": "ERROR", "px4": ACCEPTED},
+        dialects=KNOWN, source="AUTOPILOTS 2: wrong vertex count"),
+    row("wrong_command", "A waypoint in a fence is refused.",
+        lambda v: [circle(v, 250, command=mavlink.MAV_CMD_NAV_WAYPOINT)], {},
+        dialects=("ardupilot", "mavlink")),
+    claims=CLAIMS,
 )  # fmt: skip
-for _name, _statement, _build, _results, _dialects, _source in _RESULTS:
-    check(f"fence.{_name}", statement=_statement, claims=CLAIMS, dialects=_dialects, source=_source)(
-        partial(_uploads, build=_build, results=_results)
-    )
 
 
 _fence_check = partial(check, claims=CLAIMS)
@@ -197,14 +192,14 @@ def _is_independent(vehicle: VehicleUnderTest, kind: int, build: Build) -> None:
     plans.expect_stored(vehicle, items, kind)
 
 
-_fence_check("fence.clear", statement="Clearing removes the fence.")(
-    partial(_clears, kind=FENCE, build=polygon)
-)
-_fence_check(
-    "fence.is_not_the_mission",
-    statement="The upload of a fence does not change the mission; clearing the mission does not change the "
-    "fence.",
-)(partial(_is_independent, kind=FENCE, build=polygon))
+checks("fence", _clears, row("clear", "Clearing removes the fence.", FENCE, polygon), claims=CLAIMS)
+checks(
+    "fence", _is_independent,
+    row("is_not_the_mission",
+        "The upload of a fence does not change the mission; clearing the mission does not change the fence.",
+        FENCE, polygon),
+    claims=CLAIMS,
+)  # fmt: skip
 
 
 @_ardupilot_check(
@@ -251,7 +246,7 @@ def empty_upload(vehicle: VehicleUnderTest) -> None:
     equal(plans.count(vehicle, FENCE), 0, "items left")
 
 
-_rally_check = partial(check, claims=("MISSION_RALLY",))
+_rally_check = partial(check, claims=RALLY_CLAIMS)
 
 
 def _points(vehicle: VehicleUnderTest, count: int = 3) -> list[PlanItem]:
@@ -298,11 +293,15 @@ def wrong_command(vehicle: VehicleUnderTest) -> str:
     return refused(plans.upload(vehicle, bad, RALLY).result)
 
 
-_rally_check(
-    "rally.is_not_the_mission",
-    statement="Rally points do not change the mission; clearing the mission does not change the rally "
-    "points.",
-)(partial(_is_independent, kind=RALLY, build=_points))
-_rally_check("rally.clear", statement="Clearing is accepted and removes the rally points.")(
-    partial(_clears, kind=RALLY, build=_points)
-)
+checks(
+    "rally", _is_independent,
+    row("is_not_the_mission",
+        "Rally points do not change the mission; clearing the mission does not change the rally points.",
+        RALLY, _points),
+    claims=RALLY_CLAIMS,
+)  # fmt: skip
+checks(
+    "rally", _clears,
+    row("clear", "Clearing is accepted and removes the rally points.", RALLY, _points),
+    claims=RALLY_CLAIMS,
+)  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any
 from sim_vehicle.conformance import ftp, parameters
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds
 from sim_vehicle.conformance.ftp import FtpClient
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 PARAMETER_METADATA = 1  # COMP_METADATA_TYPE_PARAMETER
@@ -19,7 +19,8 @@ SCHEME = "mftp://"
 PACKED = "@PARAM/param.pck"
 PACKED_MAGIC = (0x671B, 0x671C)
 CANDIDATES = (PACKED, "/etc/extras/component_general.json.xz", "@SYS/uarts.txt")  # files of known autopilots
-_check = partial(check, claims=("FTP",))
+CLAIMS = ("FTP",)
+_check = partial(check, claims=CLAIMS)
 
 
 @contextmanager
@@ -94,18 +95,17 @@ def _refused(answer: ftp.Reply, *errors: int) -> str:
     return f"error {answer.error}"
 
 
-for _name, _statement, _opcode, _path, _errors in (
-    ("missing_directory", "A missing directory is refused.", ftp.LIST, b"/no/such/directory", ()),
-    ("missing_file", "A missing file is refused with FileNotFound, FailErrno or Fail.",
-     ftp.OPEN_READ, b"/no/such/file", (ftp.NOT_FOUND, ftp.FAIL_ERRNO, ftp.FAIL)),
-    ("unknown_operation",
-     "An unknown operation is refused with UnknownCommand or, as by ArduPilot, with Fail.",
-     99, b"", (ftp.UNKNOWN_COMMAND, ftp.FAIL)),
-    ("session_that_is_not_open", "A read from an unopened session is refused.", ftp.READ, b"", ()),
-):  # fmt: skip
-    _check(f"ftp.{_name}", statement=_statement)(
-        partial(_refuses, opcode=_opcode, path=_path, errors=_errors)
-    )
+checks(
+    "ftp", _refuses,
+    row("missing_directory", "A missing directory is refused.", ftp.LIST, b"/no/such/directory", ()),
+    row("missing_file", "A missing file is refused with FileNotFound, FailErrno or Fail.",
+        ftp.OPEN_READ, b"/no/such/file", (ftp.NOT_FOUND, ftp.FAIL_ERRNO, ftp.FAIL)),
+    row("unknown_operation",
+        "An unknown operation is refused with UnknownCommand or, as by ArduPilot, with Fail.",
+        99, b"", (ftp.UNKNOWN_COMMAND, ftp.FAIL)),
+    row("session_that_is_not_open", "A read from an unopened session is refused.", ftp.READ, b"", ()),
+    claims=CLAIMS,
+)  # fmt: skip
 
 
 @_check("ftp.reads_a_file")

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds, within
 from sim_vehicle.conformance.dialects import version_text
 from sim_vehicle.conformance.flying import mode_name
-from sim_vehicle.conformance.registry import KNOWN, check
+from sim_vehicle.conformance.registry import KNOWN, check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.definitions import MAVLINK2
 from sim_vehicle.station.frames import ReceivedFrame
@@ -238,19 +238,15 @@ def _claims(vehicle: VehicleUnderTest, *capabilities: str) -> None:
     holds(not missing, f"not claimed: {' and '.join(missing)}")
 
 
-check("version.claims_mavlink2", statement="MAVLINK2 is claimed.")(lambda v: _claims(v, "MAVLINK2"))
-check("version.claims_integer_missions", statement="MISSION_INT is claimed.")(
-    lambda v: _claims(v, "MISSION_INT")
-)
-check("version.claims_command_int", statement="COMMAND_INT is claimed.", dialects=KNOWN)(
-    lambda v: _claims(v, "COMMAND_INT")
-)
-check(
-    "version.claims_fence_and_rally",
-    statement="MISSION_FENCE and MISSION_RALLY are claimed.",
-    dialects=KNOWN,
-    source="AUTOPILOTS 2: fence, types 2/3/255",
-)(lambda v: _claims(v, "MISSION_FENCE", "MISSION_RALLY"))
+checks(
+    "version", _claims,
+    row("claims_mavlink2", "MAVLINK2 is claimed.", "MAVLINK2"),
+    row("claims_integer_missions", "MISSION_INT is claimed.", "MISSION_INT"),
+    row("claims_command_int", "COMMAND_INT is claimed.", "COMMAND_INT", dialects=KNOWN),
+    row("claims_fence_and_rally", "MISSION_FENCE and MISSION_RALLY are claimed.",
+        "MISSION_FENCE", "MISSION_RALLY",
+        dialects=KNOWN, source="AUTOPILOTS 2: fence, types 2/3/255"),
+)  # fmt: skip
 
 
 @check("version.claims_a_parameter_encoding", source="AUTOPILOTS 1.16")

@@ -15,7 +15,7 @@ from sim_vehicle.conformance.assertions import (
     refused,
     within,
 )
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.definitions import id_of
 
@@ -48,12 +48,19 @@ def _sends_on_request(vehicle: VehicleUnderTest, kind: str) -> None:
         vehicle.request(kind)
 
 
-for _kind in REQUESTED:
-    check(
-        f"messages.request.{_kind.lower()}",
-        statement=f"The vehicle sends {_kind} on request; PX4 denies a repeated request without news.",
-        source="PX4 mavlink_receiver.cpp, handle_request_message_command: DENIED without news",
-    )(partial(_sends_on_request, kind=_kind))
+checks(
+    "messages.request",
+    _sends_on_request,
+    *[
+        row(
+            kind.lower(),
+            f"The vehicle sends {kind} on request; PX4 denies a repeated request without news.",
+            kind,
+        )
+        for kind in REQUESTED
+    ],
+    source="PX4 mavlink_receiver.cpp, handle_request_message_command: DENIED without news",
+)
 
 
 @check(
@@ -95,10 +102,16 @@ def sends_one(vehicle: VehicleUnderTest) -> None:
     vehicle.set_interval("BATTERY_STATUS", 0)
 
 
-@check("messages.request.unknown_is_refused")
-def unknown_is_refused(vehicle: VehicleUnderTest) -> str:
-    """A request for an unknown message is refused."""
-    return refused(vehicle.command(REQUEST, NOT_A_MESSAGE))
+def _is_refused(vehicle: VehicleUnderTest, command: int, *params: float) -> str:
+    return refused(vehicle.command(command, *params))
+
+
+checks(
+    "messages", _is_refused,
+    row("request.unknown_is_refused", "A request for an unknown message is refused.", REQUEST, NOT_A_MESSAGE),
+    row("interval.unknown_is_refused", "An interval for an unknown message is refused.",
+        SET_INTERVAL, NOT_A_MESSAGE, 1e6),
+)  # fmt: skip
 
 
 def _rate_hz(vehicle: VehicleUnderTest, kind: str, seconds: float) -> float:
@@ -116,12 +129,15 @@ def _has_rate(vehicle: VehicleUnderTest, rate_hz: float, seconds: float) -> str:
     return f"{near(seen_hz, rate_hz, max(0.2 * rate_hz, 1 / seconds), 'messages a second'):.2f} Hz"
 
 
-for _rate, _seconds in ((0.5, 10.0), (1.0, 8.0), (4.0, 5.0), (10.0, 4.0)):
-    check(
-        f"messages.interval.{_rate:g}_hz",
-        statement=f"SET_MESSAGE_INTERVAL for {_rate:g} Hz gives that rate within 20 %.",
-        source="AUTOPILOTS 1.1",
-    )(partial(_has_rate, rate_hz=_rate, seconds=_seconds))
+checks(
+    "messages.interval",
+    _has_rate,
+    *[
+        row(f"{hz:g}_hz", f"SET_MESSAGE_INTERVAL for {hz:g} Hz gives that rate within 20 %.", hz, seconds)
+        for hz, seconds in ((0.5, 10.0), (1.0, 8.0), (4.0, 5.0), (10.0, 4.0))
+    ],
+    source="AUTOPILOTS 1.1",
+)
 
 
 @check("messages.interval.stops")
@@ -173,12 +189,6 @@ def stopped_interval_reported(vehicle: VehicleUnderTest) -> str:
     with vehicle.streaming({"VFR_HUD": 4.0}):
         vehicle.set_interval("VFR_HUD", -1)
         return str(within(_reported_interval_us(vehicle, "VFR_HUD"), -1, 0, "interval_us"))
-
-
-@check("messages.interval.unknown_is_refused")
-def unknown_interval(vehicle: VehicleUnderTest) -> str:
-    """An interval for an unknown message is refused."""
-    return refused(vehicle.command(SET_INTERVAL, NOT_A_MESSAGE, 1e6))
 
 
 @check("messages.interval.other_rates_are_kept")

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, near, refused, within
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import Row, check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import PlanItem
 
@@ -127,41 +127,43 @@ def _upload(vehicle: VehicleUnderTest, change: _Change, content: str, outcomes: 
     return equal(done.result, expected, content)
 
 
-_CASES: tuple[tuple[str, str, _Change, dict[str, str]], ...] = (
-    ("nan_param1", "NaN as parameter 1", lambda i: replace(i, params=(math.nan, 0, 0, 0)),
-     {"ardupilot": "INVALID_PARAM1"}),
-    ("nan_param2", "NaN as parameter 2", lambda i: replace(i, params=(0, math.nan, 0, 0)),
-     {"ardupilot": "INVALID_PARAM2"}),
-    ("nan_altitude", "NaN as altitude", lambda i: replace(i, z=math.nan),
-     {"ardupilot": "INVALID_PARAM7", "px4": "ACCEPTED"}),
-    ("latitude_100", "a latitude of 100 degrees", lambda i: replace(i, x=1_000_000_000),
-     {"ardupilot": "INVALID_PARAM5_X", "px4": "ACCEPTED"}),
-    ("longitude_190", "a longitude of 190 degrees", lambda i: replace(i, y=1_900_000_000),
-     {"ardupilot": "INVALID_PARAM6_Y"}),
-    ("jump_to_nowhere", "DO_JUMP to item 99",
-     lambda _: PlanItem(mavlink.MAV_CMD_DO_JUMP, frame=mavlink.MAV_FRAME_MISSION, params=(99, 1, 0, 0)),
-     {"ardupilot": "ERROR", "px4": "ACCEPTED"}),
-    ("far_away", "a place 50 km away", lambda i: replace(i, x=i.x + 4_500_000),
-     {"ardupilot": "ACCEPTED", "px4": "ACCEPTED"}),
-    ("return_in_frame_6", "RETURN_TO_LAUNCH in frame 6", lambda _: replace(_RETURN, frame=6),
-     {"ardupilot": "ACCEPTED", "px4": "UNSUPPORTED"}),
-    ("return_in_frame_2", "RETURN_TO_LAUNCH in frame 2",
-     lambda _: replace(_RETURN, frame=mavlink.MAV_FRAME_MISSION),
-     {"ardupilot": "ACCEPTED", "px4": "ACCEPTED"}),
-    ("unknown_command", "an unknown command", lambda i: replace(i, command=NO_SUCH_COMMAND),
-     {"": "UNSUPPORTED"}),
-    ("unknown_frame", "a waypoint in MAV_FRAME_BODY_NED",
-     lambda i: replace(i, frame=mavlink.MAV_FRAME_BODY_NED), {"": "UNSUPPORTED_FRAME"}),
+def _case(
+    name: str, content: str, change: _Change, outcomes: dict[str, str], line: str = "error codes"
+) -> Row:
+    results = ", ".join(f"{autopilot} {result}".strip() for autopilot, result in outcomes.items())
+    statement, source = f"A mission with {content}: {results}.", f"AUTOPILOTS 2: {line}"
+    return row(
+        name, statement, change, content, outcomes, dialects=tuple(filter(None, outcomes)), source=source
+    )
+
+
+checks(
+    "mission.error", _upload,
+    _case("nan_param1", "NaN as parameter 1", lambda i: replace(i, params=(math.nan, 0, 0, 0)),
+          {"ardupilot": "INVALID_PARAM1"}),
+    _case("nan_param2", "NaN as parameter 2", lambda i: replace(i, params=(0, math.nan, 0, 0)),
+          {"ardupilot": "INVALID_PARAM2"}),
+    _case("nan_altitude", "NaN as altitude", lambda i: replace(i, z=math.nan),
+          {"ardupilot": "INVALID_PARAM7", "px4": "ACCEPTED"}),
+    _case("latitude_100", "a latitude of 100 degrees", lambda i: replace(i, x=1_000_000_000),
+          {"ardupilot": "INVALID_PARAM5_X", "px4": "ACCEPTED"}),
+    _case("longitude_190", "a longitude of 190 degrees", lambda i: replace(i, y=1_900_000_000),
+          {"ardupilot": "INVALID_PARAM6_Y"}),
+    _case("jump_to_nowhere", "DO_JUMP to item 99",
+          lambda _: PlanItem(mavlink.MAV_CMD_DO_JUMP, frame=mavlink.MAV_FRAME_MISSION, params=(99, 1, 0, 0)),
+          {"ardupilot": "ERROR", "px4": "ACCEPTED"}),
+    _case("far_away", "a place 50 km away", lambda i: replace(i, x=i.x + 4_500_000),
+          {"ardupilot": "ACCEPTED", "px4": "ACCEPTED"}),
+    _case("return_in_frame_6", "RETURN_TO_LAUNCH in frame 6", lambda _: replace(_RETURN, frame=6),
+          {"ardupilot": "ACCEPTED", "px4": "UNSUPPORTED"}, "RTL item"),
+    _case("return_in_frame_2", "RETURN_TO_LAUNCH in frame 2",
+          lambda _: replace(_RETURN, frame=mavlink.MAV_FRAME_MISSION),
+          {"ardupilot": "ACCEPTED", "px4": "ACCEPTED"}, "RTL item"),
+    _case("unknown_command", "an unknown command", lambda i: replace(i, command=NO_SUCH_COMMAND),
+          {"": "UNSUPPORTED"}),
+    _case("unknown_frame", "a waypoint in MAV_FRAME_BODY_NED",
+          lambda i: replace(i, frame=mavlink.MAV_FRAME_BODY_NED), {"": "UNSUPPORTED_FRAME"}),
 )  # fmt: skip
-for _name, _content, _change, _outcomes in _CASES:
-    _line = "RTL item" if _name.startswith("return_") else "error codes"
-    _results = ", ".join(f"{autopilot} {result}".strip() for autopilot, result in _outcomes.items())
-    check(
-        f"mission.error.{_name}",
-        statement=f"A mission with {_content}: {_results}.",
-        dialects=tuple(filter(None, _outcomes)),
-        source=f"AUTOPILOTS 2: {_line}",
-    )(partial(_upload, change=_change, content=_content, outcomes=_outcomes))
 
 
 @check("mission.error.too_many", source="AUTOPILOTS 2: error codes")
@@ -190,67 +192,17 @@ PX4_PINS = "PX4 mavlink_mission.cpp, format_mavlink_mission_item"
 PINS = "AUTOPILOTS 2: read-back differs"
 LAND, LOITER_TIME = mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_LOITER_TIME
 TOLERANCE = 1e-4
-
-
-@dataclass(frozen=True, slots=True)
-class _ReadBack:
-    """A waypoint with some changed fields, and the fields that each autopilot sends back."""
-
-    name: str
-    statement: str
-    sent: Mapping[str, Any]  # fields of the `PlanItem`
-    back: Mapping[str, Mapping[str, float]]  # autopilot -> fields of the received item; no other is checked
-    conditions: Mapping[str, Any] = field(default_factory=dict)
+_Fields = Mapping[str, Any]  # of an item
 
 
 def _params(*values: float) -> dict[str, float]:
     return {f"param{number}": value for number, value in enumerate(values, 1)}
 
 
-_ROWS = (
-    _ReadBack("relative_frame", "Frame 6 is read back as 3 on ArduPilot and as 6 on PX4.",
-              {"frame": 6}, {"ardupilot": {"frame": 3}, "px4": {"frame": 6}}),
-    _ReadBack("global_frame", "Frame 0 is read back as 0 on ArduPilot and as 5 on PX4.",
-              {"frame": 0, "z": 600}, {"ardupilot": {"frame": 0}, "px4": {"frame": 5}}),
-    _ReadBack("terrain_frame", "Frame 11 is read back as 10.",
-              {"frame": 11}, {"ardupilot": {"frame": 10}}),
-    _ReadBack("mission_frame", "A waypoint in frame 2 is accepted and read back in frame 0.",
-              {"frame": 2, "z": 600}, {"ardupilot": {"frame": 0}},
-              {"source": "AUTOPILOTS 2: frame 2 (MISSION) on a WP"}),
-    _ReadBack("altitude",
-              "20.3 m is read back as 20.29 m on ArduPilot (truncated to centimetres) and as 20.3 m on PX4.",
-              {"z": 20.3}, {"ardupilot": {"z": 20.29}, "px4": {"z": 20.3}}),
-    _ReadBack("altitude_thirds", "33.333 m is read back as 33.33 m on ArduPilot and as 33.333 m on PX4.",
-              {"z": 33.333}, {"ardupilot": {"z": 33.33}, "px4": {"z": 33.333}}),
-    _ReadBack("waypoint_parameters",
-              "Parameters (2.7, 5, 6, 90) are read back as (2, 0, 0, 0) on ArduPilot, as (2.7, 5, 0, 90) on "
-              "PX4.",
-              {"params": (2.7, 5, 6, 90)},
-              {"ardupilot": _params(2, 0, 0, 0), "px4": _params(2.7, 5, 0, 90)},
-              {"kind": "copter", "source": f"{PINS}; {PX4_PINS}"}),
-    _ReadBack("negative_yaw", "A yaw of -90 degrees is read back as 270 degrees.",
-              {"params": (0, 0, 0, -90)}, {"px4": {"param4": 270}}, {"source": PX4_PINS}),
-    _ReadBack("takeoff_parameters", "Parameters 1 to 3 of a take-off are read back as 0.",
-              {"command": mavlink.MAV_CMD_NAV_TAKEOFF, "params": (15, 1, 2, 45)},
-              {"px4": _params(0, 0, 0, 45)}, {"source": PX4_PINS}),
-    _ReadBack("nan_yaw", "NaN as parameter 4 is read back as 0 on ArduPilot and as NaN on PX4.",
-              {"params": (0, 0, 0, math.nan)}, {"ardupilot": {"param4": 0}, "px4": {"param4": math.nan}}),
-    _ReadBack("loiter_time", "A radius of 25 m in LOITER_TIME is read back as 1, the direction.",
-              {"command": LOITER_TIME, "params": (12, 0, 25, 0)},
-              {"ardupilot": {"param1": 12, "param3": 1}}),
-    _ReadBack("land_yaw", "Parameter 4 of LAND, sent as 0, is read back as 1.",
-              {"command": LAND, "z": 0}, {"ardupilot": {"param4": 1}}, {"kind": "copter"}),
-    _ReadBack("frame_without_place", "DO_CHANGE_SPEED in frame 2 is read back in frame 0.",
-              {"command": mavlink.MAV_CMD_DO_CHANGE_SPEED, "x": 0, "y": 0, "z": 0, "frame": 2,
-               "params": (1, 5, -1, 0)},
-              {"ardupilot": {"frame": 0, "param2": 5}}, {"source": "AUTOPILOTS 2: non-position items ->0"}),
-)  # fmt: skip
-
-
-def _reads_back(vehicle: VehicleUnderTest, row: _ReadBack) -> str:
-    expected = vehicle.known(**row.back)
+def _reads_back(vehicle: VehicleUnderTest, sent: _Fields, back: Mapping[str, _Fields]) -> str:
+    expected = vehicle.known(**back)
     place = plans.current_position(vehicle)
-    item: PlanItem = replace(plans.waypoint(place, 60, 40), **row.sent)
+    item: PlanItem = replace(plans.waypoint(place, 60, 40), **sent)
     plans.upload_or_fail(vehicle, plans.plan(vehicle, plans.takeoff(place), item))
     stored = plans.download(vehicle)[-1]
     seen = {name: getattr(stored, name) for name in expected}
@@ -262,12 +214,51 @@ def _reads_back(vehicle: VehicleUnderTest, row: _ReadBack) -> str:
     return ", ".join(f"{name} {value:g}" for name, value in seen.items())
 
 
-for _row in _ROWS:
-    _only = {"dialects": tuple(_row.back)} if len(_row.back) == 1 else {}
-    _conditions = {"source": PINS, **_only, **_row.conditions}
-    check(f"mission.readback.{_row.name}", statement=_row.statement, **_conditions)(
-        partial(_reads_back, row=_row)
-    )
+def _kept(name: str, statement: str, sent: _Fields, back: Mapping[str, _Fields], **conditions: Any) -> Row:
+    """Return a row: changed fields of a waypoint, and by autopilot the fields read back; others are free."""
+    only = {"dialects": tuple(back)} if len(back) == 1 else {}
+    return row(name, statement, sent, back, **{"source": PINS, **only, **conditions})
+
+
+checks(
+    "mission.readback", _reads_back,
+    _kept("relative_frame", "Frame 6 is read back as 3 on ArduPilot and as 6 on PX4.",
+          {"frame": 6}, {"ardupilot": {"frame": 3}, "px4": {"frame": 6}}),
+    _kept("global_frame", "Frame 0 is read back as 0 on ArduPilot and as 5 on PX4.",
+          {"frame": 0, "z": 600}, {"ardupilot": {"frame": 0}, "px4": {"frame": 5}}),
+    _kept("terrain_frame", "Frame 11 is read back as 10.",
+          {"frame": 11}, {"ardupilot": {"frame": 10}}),
+    _kept("mission_frame", "A waypoint in frame 2 is accepted and read back in frame 0.",
+          {"frame": 2, "z": 600}, {"ardupilot": {"frame": 0}},
+          source="AUTOPILOTS 2: frame 2 (MISSION) on a WP"),
+    _kept("altitude",
+          "20.3 m is read back as 20.29 m on ArduPilot (truncated to centimetres) and as 20.3 m on PX4.",
+          {"z": 20.3}, {"ardupilot": {"z": 20.29}, "px4": {"z": 20.3}}),
+    _kept("altitude_thirds", "33.333 m is read back as 33.33 m on ArduPilot and as 33.333 m on PX4.",
+          {"z": 33.333}, {"ardupilot": {"z": 33.33}, "px4": {"z": 33.333}}),
+    _kept("waypoint_parameters",
+          "Parameters (2.7, 5, 6, 90) are read back as (2, 0, 0, 0) on ArduPilot, as (2.7, 5, 0, 90) on "
+          "PX4.",
+          {"params": (2.7, 5, 6, 90)},
+          {"ardupilot": _params(2, 0, 0, 0), "px4": _params(2.7, 5, 0, 90)},
+          kind="copter", source=f"{PINS}; {PX4_PINS}"),
+    _kept("negative_yaw", "A yaw of -90 degrees is read back as 270 degrees.",
+          {"params": (0, 0, 0, -90)}, {"px4": {"param4": 270}}, source=PX4_PINS),
+    _kept("takeoff_parameters", "Parameters 1 to 3 of a take-off are read back as 0.",
+          {"command": mavlink.MAV_CMD_NAV_TAKEOFF, "params": (15, 1, 2, 45)},
+          {"px4": _params(0, 0, 0, 45)}, source=PX4_PINS),
+    _kept("nan_yaw", "NaN as parameter 4 is read back as 0 on ArduPilot and as NaN on PX4.",
+          {"params": (0, 0, 0, math.nan)}, {"ardupilot": {"param4": 0}, "px4": {"param4": math.nan}}),
+    _kept("loiter_time", "A radius of 25 m in LOITER_TIME is read back as 1, the direction.",
+          {"command": LOITER_TIME, "params": (12, 0, 25, 0)},
+          {"ardupilot": {"param1": 12, "param3": 1}}),
+    _kept("land_yaw", "Parameter 4 of LAND, sent as 0, is read back as 1.",
+          {"command": LAND, "z": 0}, {"ardupilot": {"param4": 1}}, kind="copter"),
+    _kept("frame_without_place", "DO_CHANGE_SPEED in frame 2 is read back in frame 0.",
+          {"command": mavlink.MAV_CMD_DO_CHANGE_SPEED, "x": 0, "y": 0, "z": 0, "frame": 2,
+           "params": (1, 5, -1, 0)},
+          {"ardupilot": {"frame": 0, "param2": 5}}, source="AUTOPILOTS 2: non-position items ->0"),
+)  # fmt: skip
 
 
 @check(

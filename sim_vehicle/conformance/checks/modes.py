@@ -1,12 +1,10 @@
 """Flight modes on the ground: setting, refusals, reports."""
 
-from functools import partial
-
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, refused
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import set_mode
 
@@ -24,12 +22,17 @@ def _sets_mode(vehicle: VehicleUnderTest, role: str) -> str:
     return flying.mode_name(vehicle, vehicle.mode)
 
 
-for _role in MODE_ROLES:
-    check(
-        f"modes.set.{_role}",
-        statement=f"DO_SET_MODE for {_role} is accepted on the ground, and the heartbeat shows the mode.",
-        source="AUTOPILOTS 1.5",
-    )(partial(_sets_mode, role=_role))
+checks(
+    "modes.set",
+    _sets_mode,
+    *[
+        row(
+            role, f"DO_SET_MODE for {role} is accepted on the ground, and the heartbeat shows the mode.", role
+        )
+        for role in MODE_ROLES
+    ],
+    source="AUTOPILOTS 1.5",
+)
 
 
 @check(

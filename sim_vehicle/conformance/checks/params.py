@@ -3,14 +3,13 @@
 import math
 import struct
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, near, within
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.traffic import SECOND_STATION, Condition
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import INTEGER_RANGES
@@ -108,30 +107,25 @@ def _is_unanswered(
     vehicle.expect_none("PARAM_VALUE", answer(vehicle), during_s=SILENT_S)
 
 
-_UNANSWERED: tuple[
-    tuple[str, str, Callable[[VehicleUnderTest], Any], Callable[[VehicleUnderTest], Condition], str], ...
-] = (
-    ("list.another_vehicles", "The vehicle does not answer a list request to another system.",
-     lambda v: mavlink.MAVLink_param_request_list_message(v.unused_sysid(), v.identity.component),
-     lambda _: _is_listed, "MAVLink"),
-    ("read.another_vehicles", "The vehicle does not answer a read request to another system.",
-     lambda v: parameters.read_message(v, _first(v), sysid=v.unused_sysid()),
-     lambda v: lambda m: m.param_id == _first(v), "MAVLink"),
-    ("read.unknown_name", "A read of an unknown name is not answered.",
-     lambda v: parameters.read_message(v, NO_SUCH), lambda _: lambda m: m.param_id == NO_SUCH,
-     "AUTOPILOTS 1.16"),
-    ("read.index_out_of_range", "A read of an index after the last parameter is not answered.",
-     lambda v: parameters.read_message(v, index=_beyond(v)),
-     lambda v: lambda m: m.param_index == _beyond(v) or m.param_id not in v.catalogue, "MAVLink"),
-    ("set.unknown_name", "PARAM_SET of an unknown name is not answered.",
-     lambda v: parameters.set_message(v, NO_SUCH, 1.0, mavlink.MAV_PARAM_TYPE_REAL32),
-     lambda _: lambda m: m.param_id == NO_SUCH,
-     "AUTOPILOTS 1.16: PARAM_SET of an unknown name: no reply at all"),
+checks(
+    "parameters", _is_unanswered,
+    row("list.another_vehicles", "The vehicle does not answer a list request to another system.",
+        lambda v: mavlink.MAVLink_param_request_list_message(v.unused_sysid(), v.identity.component),
+        lambda _: _is_listed),
+    row("read.another_vehicles", "The vehicle does not answer a read request to another system.",
+        lambda v: parameters.read_message(v, _first(v), sysid=v.unused_sysid()),
+        lambda v: lambda m: m.param_id == _first(v)),
+    row("read.unknown_name", "A read of an unknown name is not answered.",
+        lambda v: parameters.read_message(v, NO_SUCH), lambda _: lambda m: m.param_id == NO_SUCH,
+        source="AUTOPILOTS 1.16"),
+    row("read.index_out_of_range", "A read of an index after the last parameter is not answered.",
+        lambda v: parameters.read_message(v, index=_beyond(v)),
+        lambda v: lambda m: m.param_index == _beyond(v) or m.param_id not in v.catalogue),
+    row("set.unknown_name", "PARAM_SET of an unknown name is not answered.",
+        lambda v: parameters.set_message(v, NO_SUCH, 1.0, mavlink.MAV_PARAM_TYPE_REAL32),
+        lambda _: lambda m: m.param_id == NO_SUCH,
+        source="AUTOPILOTS 1.16: PARAM_SET of an unknown name: no reply at all"),
 )  # fmt: skip
-for _name, _statement, _build, _answer, _source in _UNANSWERED:
-    check(f"parameters.{_name}", statement=_statement, source=_source)(
-        partial(_is_unanswered, build=_build, answer=_answer)
-    )
 
 
 @check("parameters.read.by_name")

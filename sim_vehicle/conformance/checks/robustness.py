@@ -1,7 +1,6 @@
 """Robustness against garbage, malformed frames and floods; the texts and answers at the end of the run."""
 
 from collections.abc import Callable, Iterable
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -12,7 +11,7 @@ from sim_vehicle.conformance import parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds
 from sim_vehicle.conformance.frames import LONGEST_FRAME, frame
 from sim_vehicle.conformance.guard import SIMULATOR
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.definitions import layout_of
@@ -64,23 +63,25 @@ def _survives(vehicle: VehicleUnderTest, build: Build) -> str:
     return f"{len(sent)} bytes"
 
 
-_GARBAGE: tuple[tuple[str, str, Build], ...] = (
-    ("garbage.random_bytes", "random bytes", lambda _: _random_bytes(1000, 1)),
-    ("garbage.zeros", "zero bytes", lambda _: bytes(400)),
-    ("garbage.start_bytes", "a row of start bytes", lambda _: b"\xfd" * 500),
-    ("garbage.text", "text on the link", lambda _: b"\r\n\r\nnsh> help\r\n" * 20),
-    ("garbage.bad_checksum", "a frame with a wrong checksum", _bad_checksum),
-    ("garbage.unknown_message", "a message with an unknown id", lambda v: _unknown(v, bytes(range(30)))),
-    ("garbage.longest_frame", "an unknown message with 255 bytes of payload",
-     lambda v: _unknown(v, bytes(255))),
-    ("names.without_end", "a parameter name of 16 unreadable bytes",
-     lambda v: v.sender.pack(
-         mavlink.MAVLink_param_request_read_message(*v.target, b"\xff\xfe\x01" * 5 + b"\x80", -1))),
+def _after(what: str) -> str:
+    return f"The vehicle still answers after {what}."
+
+
+checks(
+    "robustness", _survives,
+    row("garbage.random_bytes", _after("random bytes"), lambda _: _random_bytes(1000, 1)),
+    row("garbage.zeros", _after("zero bytes"), lambda _: bytes(400)),
+    row("garbage.start_bytes", _after("a row of start bytes"), lambda _: b"\xfd" * 500),
+    row("garbage.text", _after("text on the link"), lambda _: b"\r\n\r\nnsh> help\r\n" * 20),
+    row("garbage.bad_checksum", _after("a frame with a wrong checksum"), _bad_checksum),
+    row("garbage.unknown_message", _after("a message with an unknown id"),
+        lambda v: _unknown(v, bytes(range(30)))),
+    row("garbage.longest_frame", _after("an unknown message with 255 bytes of payload"),
+        lambda v: _unknown(v, bytes(255))),
+    row("names.without_end", _after("a parameter name of 16 unreadable bytes"),
+        lambda v: v.sender.pack(
+            mavlink.MAVLink_param_request_read_message(*v.target, b"\xff\xfe\x01" * 5 + b"\x80", -1))),
 )  # fmt: skip
-for _name, _description, _build in _GARBAGE:
-    check(f"robustness.{_name}", statement=f"The vehicle still answers after {_description}.")(
-        partial(_survives, build=_build)
-    )
 
 
 @check("robustness.garbage.half_a_frame")
@@ -113,7 +114,7 @@ def _mavlink1(vehicle: VehicleUnderTest) -> bytes:
     return data
 
 
-def _frame_is(vehicle: VehicleUnderTest, build: Build, *, answered: bool) -> None:
+def _frame_is(vehicle: VehicleUnderTest, build: Build, answered: bool) -> None:
     mark = vehicle.send_raw(build(vehicle))
     if answered:
         vehicle.expect("COMMAND_ACK", mark=mark)
@@ -123,24 +124,23 @@ def _frame_is(vehicle: VehicleUnderTest, build: Build, *, answered: bool) -> Non
     _require_answer(vehicle)
 
 
-_FRAMES: tuple[tuple[str, str, bool, Build], ...] = (
-    ("garbage.around_a_frame", "A frame between other bytes is processed.", True,
-     lambda v: b"hello" + _request(v) + b"\r\nworld"),
-    ("frame.bad_checksum_is_not_obeyed", "A command with a wrong checksum is not acknowledged.", False,
-     _bad_checksum),
-    ("frame.mavlink1", "A MAVLink 1 frame is processed.", True, _mavlink1),
-    ("frame.untrimmed", "A payload with its trailing zeros is processed.", True,
-     lambda v: _repacked(v, padded=True)),
-    ("frame.later_version", "A message with the additional fields of a later version is processed.", True,
-     lambda v: _repacked(v, padded=True, added=b"\x07\x08")),
-    ("frame.incompatible_flag",
-     "A frame with an unknown incompatibility flag is not answered, as the specification demands.", False,
-     lambda v: _repacked(v, incompatible=0x40)),
-    ("frame.compatible_flag", "A frame with an unknown compatibility flag is processed.", True,
-     lambda v: _repacked(v, compatible=0x40)),
+checks(
+    "robustness", _frame_is,
+    row("garbage.around_a_frame", "A frame between other bytes is processed.",
+        lambda v: b"hello" + _request(v) + b"\r\nworld", True),
+    row("frame.bad_checksum_is_not_obeyed", "A command with a wrong checksum is not acknowledged.",
+        _bad_checksum, False),
+    row("frame.mavlink1", "A MAVLink 1 frame is processed.", _mavlink1, True),
+    row("frame.untrimmed", "A payload with its trailing zeros is processed.",
+        lambda v: _repacked(v, padded=True), True),
+    row("frame.later_version", "A message with the additional fields of a later version is processed.",
+        lambda v: _repacked(v, padded=True, added=b"\x07\x08"), True),
+    row("frame.incompatible_flag",
+        "A frame with an unknown incompatibility flag is not answered, as the specification demands.",
+        lambda v: _repacked(v, incompatible=0x40), False),
+    row("frame.compatible_flag", "A frame with an unknown compatibility flag is processed.",
+        lambda v: _repacked(v, compatible=0x40), True),
 )  # fmt: skip
-for _name, _description, _answered, _build in _FRAMES:
-    check(f"robustness.{_name}", statement=_description)(partial(_frame_is, build=_build, answered=_answered))
 
 
 @check("robustness.frame.two_at_once")
@@ -195,18 +195,16 @@ def _reads(vehicle: VehicleUnderTest) -> list[tuple[Any, Source]]:
     return [(parameters.read_message(vehicle, name), STATION)] * N_REQUESTS
 
 
-_FLOODS: tuple[tuple[str, str, Callable[[VehicleUnderTest], list[tuple[Any, Source]]]], ...] = (
-    ("parameter_requests", "200 simultaneous parameter requests", _reads),
-    ("lists", "ten simultaneous requests for the parameter list",
-     lambda v: [(mavlink.MAVLink_param_request_list_message(*v.target), STATION)] * 10),
-    ("commands", "a hundred simultaneous commands", lambda v: [(v.version_request(), STATION)] * 100),
-    ("stations", "heartbeats of fifty ground stations",
-     lambda _: [(heartbeat(), (sysid, 190)) for sysid in range(150, 200)]),
+checks(
+    "robustness.flood", _survives_flood,
+    row("parameter_requests", _after("200 simultaneous parameter requests"), _reads),
+    row("lists", _after("ten simultaneous requests for the parameter list"),
+        lambda v: [(mavlink.MAVLink_param_request_list_message(*v.target), STATION)] * 10),
+    row("commands", _after("a hundred simultaneous commands"),
+        lambda v: [(v.version_request(), STATION)] * 100),
+    row("stations", _after("heartbeats of fifty ground stations"),
+        lambda _: [(heartbeat(), (sysid, 190)) for sysid in range(150, 200)]),
 )  # fmt: skip
-for _name, _description, _messages in _FLOODS:
-    check(f"robustness.flood.{_name}", statement=f"The vehicle still answers after {_description}.")(
-        partial(_survives_flood, build=_messages)
-    )
 
 
 @check("robustness.flood.mission_counts")
@@ -250,16 +248,15 @@ def _addressed(message_id: int, payload: bytes, target: tuple[int, int]) -> byte
     return bytes(data)
 
 
-for _name, _description, _payload in (
-    ("zeros", "zeros in the fields", bytes),
-    ("ones", "all bits set (NaN, -1, largest values)", lambda size: b"\xff" * size),
-    ("random", "random fields", lambda size: _random_bytes(size, size)),
-):
-    check(
-        f"endurance.every_message.{_name}",
-        statement=f"The vehicle still answers after messages of most kinds with {_description}.",
-        needs=[SIMULATOR],
-    )(partial(_survives_messages, payload=_payload))
+_EVERY = "messages of most kinds with"
+checks(
+    "endurance.every_message",
+    _survives_messages,
+    row("zeros", _after(f"{_EVERY} zeros in the fields"), bytes),
+    row("ones", _after(f"{_EVERY} all bits set (NaN, -1, largest values)"), lambda size: b"\xff" * size),
+    row("random", _after(f"{_EVERY} random fields"), lambda size: _random_bytes(size, size)),
+    needs=[SIMULATOR],
+)
 
 
 def _texts(vehicle: VehicleUnderTest) -> list[tuple[float, int, str]]:

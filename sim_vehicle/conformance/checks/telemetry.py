@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, near, within
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 STILL_M_S = 1.0  # a vehicle at rest is slower
@@ -61,36 +60,47 @@ def _battery_in_range(m: Any) -> str:
     return f"{m.battery_remaining} %, {m.current_consumed} mAh"
 
 
-_FIELDS: tuple[tuple[str, str, str, Callable[[Any], str], str], ...] = (
-    ("position.is_in_range", "Latitude, longitude and heading are within their ranges.",
-     "GLOBAL_POSITION_INT", _position_in_range, "MAVLink"),
-    ("gps.has_a_fix", "GPS_RAW_INT reports a position and a 3D fix with at least four satellites.",
-     "GPS_RAW_INT", _gps_fix, "MAVLink"),
-    ("gps.reports_its_quality",
-     "GPS_RAW_INT.eph and epv, dilution of precision times 100, are 10 to 1000.",
-     "GPS_RAW_INT", _gps_quality, "MAVLink"),
-    ("sensors.are_consistent",
-     "Every enabled sensor in SYS_STATUS is present or unhealthy, and a gyroscope is present.",
-     "SYS_STATUS", _sensors,
-     "PX4 SYS_STATUS.hpp, fillOutComponent: a required sensor that is missing is enabled and unhealthy"),
-    ("sensors.load_is_a_share", "The load is 0 to 1000 per mille.",
-     "SYS_STATUS", lambda m: f"{within(m.load, 0, 1000, 'load') / 10:.1f} %", "MAVLink"),
-    ("landed.on_ground", "EXTENDED_SYS_STATE reports ON_GROUND.",
-     "EXTENDED_SYS_STATE", _on_ground, "MAVLink"),
-    ("hud.throttle_is_a_percentage", "VFR_HUD.throttle of a disarmed vehicle is 0.",
-     "VFR_HUD", lambda m: f"{equal(m.throttle, 0, 'throttle')} %", "MAVLink"),
-    ("battery.is_in_range",
-     "Charge is -1 to 100 %, consumption at least -1 mAh, and unused cells (65535) come last.",
-     "BATTERY_STATUS", _battery_in_range, "MAVLink"),
+def _altitude_of_home(home: Any, position: Any) -> str:
+    altitude_m = (position.alt - position.relative_alt) / 1000
+    return f"{near(altitude_m, home.altitude / 1000, 1.0, 'altitude of home [m]'):.2f} m"
+
+
+def _pressure(pressure: Any, position: Any) -> str:
+    expected = 1013.25 * (1 - 2.25577e-5 * position.alt / 1000) ** 5.25588
+    return f"{near(pressure.press_abs, expected, 0.05 * expected, 'press_abs [hPa]'):.1f} hPa"
+
+
+def _requested(vehicle: VehicleUnderTest, test: Callable[..., str], *kinds: str) -> str:
+    return test(*map(vehicle.request, kinds))
+
+
+checks(
+    "telemetry", _requested,
+    row("position.is_in_range", "Latitude, longitude and heading are within their ranges.",
+        _position_in_range, "GLOBAL_POSITION_INT"),
+    row("gps.has_a_fix", "GPS_RAW_INT reports a position and a 3D fix with at least four satellites.",
+        _gps_fix, "GPS_RAW_INT"),
+    row("gps.reports_its_quality",
+        "GPS_RAW_INT.eph and epv, dilution of precision times 100, are 10 to 1000.",
+        _gps_quality, "GPS_RAW_INT"),
+    row("sensors.are_consistent",
+        "Every enabled sensor in SYS_STATUS is present or unhealthy, and a gyroscope is present.",
+        _sensors, "SYS_STATUS",
+        source="PX4 SYS_STATUS.hpp, fillOutComponent: a required sensor that is missing is enabled and "
+        "unhealthy"),
+    row("sensors.load_is_a_share", "The load is 0 to 1000 per mille.",
+        lambda m: f"{within(m.load, 0, 1000, 'load') / 10:.1f} %", "SYS_STATUS"),
+    row("landed.on_ground", "EXTENDED_SYS_STATE reports ON_GROUND.", _on_ground, "EXTENDED_SYS_STATE"),
+    row("hud.throttle_is_a_percentage", "VFR_HUD.throttle of a disarmed vehicle is 0.",
+        lambda m: f"{equal(m.throttle, 0, 'throttle')} %", "VFR_HUD"),
+    row("battery.is_in_range",
+        "Charge is -1 to 100 %, consumption at least -1 mAh, and unused cells (65535) come last.",
+        _battery_in_range, "BATTERY_STATUS"),
+    row("altitude.relative_is_from_home", "alt minus relative_alt is the altitude of home.",
+        _altitude_of_home, "HOME_POSITION", "GLOBAL_POSITION_INT"),
+    row("pressure.fits_the_altitude", "The absolute pressure agrees with the altitude within 5 %.",
+        _pressure, "SCALED_PRESSURE", "GLOBAL_POSITION_INT"),
 )  # fmt: skip
-
-
-def _field(vehicle: VehicleUnderTest, kind: str, test: Callable[[Any], str]) -> str:
-    return test(vehicle.request(kind))
-
-
-for _name, _statement, _kind, _test, _source in _FIELDS:
-    check(f"telemetry.{_name}", statement=_statement, source=_source)(partial(_field, kind=_kind, test=_test))
 
 
 def _speed_is_zero(position: Any, hud: Any) -> str:
@@ -141,26 +151,6 @@ def _battery_agrees(status: Any, battery: Any) -> str:
 
 
 POSITION = "GLOBAL_POSITION_INT"
-_STREAMS: tuple[tuple[str, str, tuple[str, ...], Callable[..., str]], ...] = (
-    ("altitude.hud_agrees", "VFR_HUD.alt [m] agrees with GLOBAL_POSITION_INT.alt [mm].",
-     (POSITION, "VFR_HUD"),
-     lambda position, hud: f"{near(hud.alt, position.alt / 1000, 2.0, 'VFR_HUD.alt [m]'):.2f} m"),
-    ("altitude.gps_agrees",
-     "GPS_RAW_INT.alt [mm, above sea level] is within 15 m of GLOBAL_POSITION_INT.alt.",
-     (POSITION, "GPS_RAW_INT"),
-     lambda position, gps: f"{near(gps.alt / 1000, position.alt / 1000, 15.0, 'GPS altitude [m]'):.1f} m"),
-    ("speed.is_zero_at_rest", "The reported speeds of a vehicle on the ground are below 1 m/s.",
-     (POSITION, "VFR_HUD"), _speed_is_zero),
-    ("attitude.is_level_at_rest",
-     "A vehicle on the ground is level within 15 degrees and turns by less than 0.2 rad/s.",
-     ("ATTITUDE",), _level),
-    ("attitude.quaternion_agrees", "ATTITUDE_QUATERNION has length 1 and agrees with ATTITUDE.",
-     ("ATTITUDE", "ATTITUDE_QUATERNION"), _quaternion),
-    ("heading.agrees", "hdg [cdeg], VFR_HUD.heading [deg] and yaw [rad] agree.",
-     (POSITION, "VFR_HUD", "ATTITUDE"), _heading),
-    ("battery.messages_agree", "SYS_STATUS and BATTERY_STATUS agree on voltage and charge.",
-     ("SYS_STATUS", "BATTERY_STATUS"), _battery_agrees),
-)  # fmt: skip
 
 
 def _latest(vehicle: VehicleUnderTest, *kinds: str) -> list[Any]:
@@ -168,12 +158,31 @@ def _latest(vehicle: VehicleUnderTest, *kinds: str) -> list[Any]:
     return [found[kind][-1] for kind in kinds]
 
 
-def _agrees(vehicle: VehicleUnderTest, kinds: tuple[str, ...], test: Callable[..., str]) -> str:
+def _agrees(vehicle: VehicleUnderTest, test: Callable[..., str], *kinds: str) -> str:
     return test(*_latest(vehicle, *kinds))
 
 
-for _name, _statement, _kinds, _agree in _STREAMS:
-    check(f"telemetry.{_name}", statement=_statement)(partial(_agrees, kinds=_kinds, test=_agree))
+checks(
+    "telemetry", _agrees,
+    row("altitude.hud_agrees", "VFR_HUD.alt [m] agrees with GLOBAL_POSITION_INT.alt [mm].",
+        lambda position, hud: f"{near(hud.alt, position.alt / 1000, 2.0, 'VFR_HUD.alt [m]'):.2f} m",
+        POSITION, "VFR_HUD"),
+    row("altitude.gps_agrees",
+        "GPS_RAW_INT.alt [mm, above sea level] is within 15 m of GLOBAL_POSITION_INT.alt.",
+        lambda position, gps: f"{near(gps.alt / 1000, position.alt / 1000, 15.0, 'GPS altitude [m]'):.1f} m",
+        POSITION, "GPS_RAW_INT"),
+    row("speed.is_zero_at_rest", "The reported speeds of a vehicle on the ground are below 1 m/s.",
+        _speed_is_zero, POSITION, "VFR_HUD"),
+    row("attitude.is_level_at_rest",
+        "A vehicle on the ground is level within 15 degrees and turns by less than 0.2 rad/s.",
+        _level, "ATTITUDE"),
+    row("attitude.quaternion_agrees", "ATTITUDE_QUATERNION has length 1 and agrees with ATTITUDE.",
+        _quaternion, "ATTITUDE", "ATTITUDE_QUATERNION"),
+    row("heading.agrees", "hdg [cdeg], VFR_HUD.heading [deg] and yaw [rad] agree.",
+        _heading, POSITION, "VFR_HUD", "ATTITUDE"),
+    row("battery.messages_agree", "SYS_STATUS and BATTERY_STATUS agree on voltage and charge.",
+        _battery_agrees, "SYS_STATUS", "BATTERY_STATUS"),
+)  # fmt: skip
 
 
 @check("telemetry.position.agrees_with_gps")
@@ -244,14 +253,6 @@ def imu(vehicle: VehicleUnderTest) -> str:
     raise Skip("the vehicle sends no acceleration")
 
 
-@check("telemetry.altitude.relative_is_from_home")
-def relative_is_from_home(vehicle: VehicleUnderTest) -> str:
-    """alt minus relative_alt is the altitude of home."""
-    home, message = vehicle.request("HOME_POSITION"), vehicle.request("GLOBAL_POSITION_INT")
-    near((message.alt - message.relative_alt) / 1000, home.altitude / 1000, 1.0, "altitude of home [m]")
-    return f"{home.altitude / 1000:.2f} m"
-
-
 @check("telemetry.local.at_rest")
 def local_at_rest(vehicle: VehicleUnderTest) -> str:
     """At rest LOCAL_POSITION_NED agrees with the distance from the local origin; the speed is below 1 m/s."""
@@ -273,14 +274,6 @@ def estimator(vehicle: VehicleUnderTest) -> str:
     needed = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_POS_HORIZ_ABS
     equal(flags & needed, needed, f"{kind} flags {flags:#x} of attitude and position")
     return f"{kind} {flags:#x}"
-
-
-@check("telemetry.pressure.fits_the_altitude")
-def pressure(vehicle: VehicleUnderTest) -> str:
-    """The absolute pressure agrees with the altitude within 5 %."""
-    message, position = vehicle.request("SCALED_PRESSURE"), vehicle.request("GLOBAL_POSITION_INT")
-    expected = 1013.25 * (1 - 2.25577e-5 * position.alt / 1000) ** 5.25588
-    return f"{near(message.press_abs, expected, 0.05 * expected, 'press_abs [hPa]'):.1f} hPa"
 
 
 @check(
