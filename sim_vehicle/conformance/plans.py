@@ -18,6 +18,7 @@ from sim_vehicle.station.messages import MISSION, PlanItem
 FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
+CAPABILITIES = {MISSION: None, FENCE: "MISSION_FENCE", RALLY: "MISSION_RALLY"}  # claimed by a vehicle
 M_PER_DEG = 111_319.5
 POSITION_S = 120.0  # longest wait for a position
 BACKUP_ATTEMPTS = 3  # in each attempt every item is requested up to three times
@@ -262,13 +263,6 @@ def begin_upload(vehicle: VehicleUnderTest, items: list[PlanItem], sent: int) ->
     return vehicle.mark()
 
 
-def require_type(vehicle: VehicleUnderTest, kind: int) -> None:
-    """Raise Skip if the vehicle does not claim plans of this type."""
-    capability = {FENCE: "MISSION_FENCE", RALLY: "MISSION_RALLY"}.get(kind)
-    if capability is not None and not vehicle.identity.claims(capability):
-        raise Skip(f"the vehicle does not claim {capability}")
-
-
 class PlanBackup:
     """Copies of the plans on a vehicle before the checks; `Traffic` lets only copied plans be overwritten."""
 
@@ -278,12 +272,9 @@ class PlanBackup:
         self.unsaved: dict[int, str] = {}  # type of an unreadable plan -> reason
 
     def save(self) -> None:
-        for kind in PLAN_NAMES:
-            try:
-                require_type(self._vehicle, kind)
-            except Skip:
-                continue
-            self._save(kind)
+        for kind, capability in CAPABILITIES.items():
+            if capability is None or self._vehicle.identity.claims(capability):
+                self._save(kind)
         if not self.unsaved:
             self._vehicle.saved_plans.add(ALL)
 

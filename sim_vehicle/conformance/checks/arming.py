@@ -1,15 +1,15 @@
 """Arming and disarming on the ground."""
 
+from collections.abc import Callable
 from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, near, refused, result_name
-from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
+from sim_vehicle.conformance.checks.fence import CLAIMS, fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
-from sim_vehicle.conformance.plans import FENCE
-from sim_vehicle.conformance.registry import KNOWN, check
+from sim_vehicle.conformance.registry import KNOWN, check, checks, row
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
@@ -21,11 +21,39 @@ _known_check = partial(check, needs=[ARM], dialects=KNOWN)
 _copter_check = partial(check, needs=[ARM], dialects=("ardupilot",), kind="copter")
 
 
-@_check("arming.arms_and_disarms")
-def arms_and_disarms(vehicle: VehicleUnderTest) -> None:
-    """COMPONENT_ARM_DISARM arms and disarms, and the heartbeat shows both."""
-    flying.arm(vehicle)
-    flying.disarm(vehicle)
+def _by_command(vehicle: VehicleUnderTest, value: int) -> str:
+    return vehicle.command(ARM_COMMAND, value)
+
+
+def _arms(
+    vehicle: VehicleUnderTest,
+    send: Callable[[VehicleUnderTest, int], str] = _by_command,
+    within_s: float = flying.HEARTBEAT_LAG_S,
+) -> str:
+    """Arm and disarm the vehicle, and wait for both in the heartbeat; `send` returns the MAV_RESULT."""
+    flying.wait_ready(vehicle)
+    equal(send(vehicle, 1), ACCEPTED, "arming")
+    took_s = flying.wait_until_armed(vehicle, within_s)
+    equal(send(vehicle, 0), ACCEPTED, "disarming")
+    flying.wait_until_disarmed(vehicle)
+    return f"armed after {took_s:.2f} s"
+
+
+checks(
+    "arming", _arms,
+    row("arms_and_disarms", "COMPONENT_ARM_DISARM arms and disarms, and the heartbeat shows both."),
+    row("heartbeat_follows", "The heartbeat shows the arming within 1.5 s of the acknowledgement.",
+        _by_command, 1.5),
+    row("by_command_int", "Arming works as COMMAND_INT.",
+        lambda v, value: v.result(v.command_int(ARM_COMMAND, value))),
+    row("by_second_station", "A second station can arm and disarm.",
+        lambda v, value: v.result(v.command_long(ARM_COMMAND, value), source=SECOND_STATION),
+        source="AUTOPILOTS 1.15"),
+    row("by_force", "Forced arming and disarming (parameter 2 = 21196) are accepted.",
+        lambda v, value: v.command(ARM_COMMAND, value, FORCE),
+        dialects=KNOWN, source="AUTOPILOTS 1.14: p2=21196"),
+    needs=[ARM],
+)  # fmt: skip
 
 
 @_check("arming.is_idempotent")
@@ -34,34 +62,6 @@ def is_idempotent(vehicle: VehicleUnderTest) -> None:
     with flying.armed(vehicle):
         vehicle.expect_accepted(ARM_COMMAND, 1)
     vehicle.expect_accepted(ARM_COMMAND, 0)
-
-
-@_check("arming.heartbeat_follows")
-def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
-    """The heartbeat shows the arming within 1.5 s of the acknowledgement."""
-    flying.wait_ready(vehicle)
-    vehicle.expect_accepted(ARM_COMMAND, 1)
-    took_s = flying.wait_until_armed(vehicle, 1.5)
-    flying.disarm(vehicle)
-    return f"{took_s:.2f} s"
-
-
-@_check("arming.by_command_int")
-def by_command_int(vehicle: VehicleUnderTest) -> None:
-    """Arming works as COMMAND_INT."""
-    flying.wait_ready(vehicle)
-    equal(vehicle.result(vehicle.command_int(ARM_COMMAND, 1)), ACCEPTED, "COMMAND_INT")
-    flying.wait_until_armed(vehicle)
-    flying.disarm(vehicle)
-
-
-@_check("arming.by_second_station", source="AUTOPILOTS 1.15")
-def by_second_station(vehicle: VehicleUnderTest) -> None:
-    """A second station can arm and disarm."""
-    flying.wait_ready(vehicle)
-    for value in (1, 0):
-        seen = vehicle.result(vehicle.command_long(ARM_COMMAND, value), source=SECOND_STATION)
-        equal(seen, ACCEPTED, f"parameter 1 = {value}")
 
 
 @_check(
@@ -125,11 +125,13 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> None:
 
 
 @_check(
-    "arming.refusal_has_a_reason", dialects=("ardupilot",), source="AUTOPILOTS 1.3: reason only in STATUSTEXT"
+    "arming.refusal_has_a_reason",
+    claims=CLAIMS,
+    dialects=("ardupilot",),
+    source="AUTOPILOTS 1.3: reason only in STATUSTEXT",
 )
 def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
     """Outside of an enabled fence arming is refused, and a text names the breach."""
-    plans.require_type(vehicle, FENCE)
     flying.wait_ready(vehicle)
     with fence_in_force(vehicle, polygon(vehicle, ((500, 500), (500, 600), (600, 600), (600, 500)))):
         vehicle.wait(1.5)
@@ -168,16 +170,6 @@ def idle_disarms(vehicle: VehicleUnderTest) -> str:
     took_s = flying.wait_until_disarmed(vehicle, delay_s + 5.0)
     near(took_s, delay_s, 3.0, "seconds until disarmed")
     return f"after {took_s:.1f} s"
-
-
-@_known_check("arming.by_force", source="AUTOPILOTS 1.14: p2=21196")
-def by_force(vehicle: VehicleUnderTest) -> None:
-    """Forced arming and disarming (parameter 2 = 21196) are accepted."""
-    flying.wait_ready(vehicle)
-    vehicle.expect_accepted(ARM_COMMAND, 1, FORCE)
-    flying.wait_until_armed(vehicle)
-    vehicle.expect_accepted(ARM_COMMAND, 0, FORCE)
-    flying.wait_until_disarmed(vehicle)
 
 
 @check(

@@ -1,5 +1,6 @@
 """Flight logs: the list, the download, erasing."""
 
+from functools import partial
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -10,6 +11,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CHUNK = 90  # bytes of data in a full LOG_DATA
+REQUESTS = 8  # a request asks for the part from the first lost message on
 LIST_S = 4.0  # longest wait for the first LOG_ENTRY after a request
 PART_BYTES = 900  # size of the part of a log that is read twice
 ERASE_S = 30.0  # longest time for erasing all logs
@@ -48,36 +50,30 @@ def _newest(vehicle: VehicleUnderTest) -> Any:
     return max(found, key=lambda entry: entry.id)
 
 
+def _is_data(log_id: int, offset: int, message: Any) -> bool:
+    return bool(message.id == log_id and message.ofs == offset)
+
+
 def _data(vehicle: VehicleUnderTest, log_id: int, offset: int, count: int) -> bytes:
     """Return up to `count` bytes of a log.
 
-    The result is shorter at the end of the log, and if a part is still missing after eight requests.
+    The result is shorter at the end of the log, and if a part is still missing after `REQUESTS` requests.
     """
-    parts: dict[int, bytes] = {}
-    end: int | None = None
-    for _ in range(8):
-        start = offset
-        while start in parts:
-            start += len(parts[start])
-        if start >= offset + count or start == end:
-            break
-        mark = vehicle.mark()
-        vehicle.send(
-            mavlink.MAVLink_log_request_data_message(*vehicle.target, log_id, start, offset + count - start)
-        )
-        while vehicle.wait_for("LOG_DATA", lambda m: m.id == log_id, within_s=1.5, mark=mark) is not None:
-            for message in vehicle.since(mark, "LOG_DATA"):
-                if message.id == log_id and message.count:
-                    parts[message.ofs] = bytes(message.data[: message.count])
-                if message.id == log_id and message.count < CHUNK:
-                    end = message.ofs + message.count
-            mark = vehicle.mark()
-            if sum(map(len, parts.values())) >= count:
+    found = bytearray()
+    for _ in range(REQUESTS):
+        request = log_id, offset + len(found), count - len(found)
+        mark = vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, *request))
+        while len(found) < count:
+            at = offset + len(found)
+            message = vehicle.wait_for("LOG_DATA", partial(_is_data, log_id, at), mark=mark)
+            if message is None:  # lost
                 break
-    joined = bytearray()
-    while offset + len(joined) in parts:
-        joined += parts[offset + len(joined)]
-    return bytes(joined[:count])
+            found += bytes(message.data[: message.count])
+            if message.count < CHUNK:  # the end of the log
+                return bytes(found)
+        if len(found) >= count:
+            break
+    return bytes(found[:count])
 
 
 def _end_transfer(vehicle: VehicleUnderTest) -> None:

@@ -7,9 +7,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, missions, parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, near
-from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
+from sim_vehicle.conformance.checks.fence import CLAIMS, fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
-from sim_vehicle.conformance.plans import FENCE
 from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import PlanItem
@@ -162,11 +161,12 @@ def speed_item(vehicle: VehicleUnderTest) -> str:
 
 
 @_ardupilot_check(
-    "mission-flight.fence_breach", source="AUTOPILOTS 2: fence use: fly until the breach -> RTL"
+    "mission-flight.fence_breach",
+    claims=CLAIMS,
+    source="AUTOPILOTS 2: fence use: fly until the breach -> RTL",
 )
 def fence_breach(vehicle: VehicleUnderTest) -> str:
     """A mission that leaves the fence is accepted; after the breach the vehicle sends a text and returns."""
-    plans.require_type(vehicle, FENCE)
     if not parameters.has(vehicle, "FENCE_ACTION") or parameters.read(vehicle, "FENCE_ACTION").value != 1:
         raise Skip("FENCE_ACTION is not RTL (1)")
     place = plans.current_position(vehicle)
