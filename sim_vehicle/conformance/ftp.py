@@ -7,6 +7,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed
+from sim_vehicle.conformance.traffic import REPLY_S
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 # Operations and errors of the protocol.
@@ -15,7 +16,7 @@ ACK, NAK = 128, 129
 FAIL, FAIL_ERRNO, EOF, UNKNOWN_COMMAND, NOT_FOUND = 1, 2, 6, 7, 10
 HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request opcode, burst complete, offset
 CHUNK = 239  # bytes of data in a full payload
-REPLY_S = 1.5
+MAX_BURSTS = 2000
 MAX_BYTES = 4_000_000  # `read` stops after these bytes
 
 
@@ -103,24 +104,22 @@ class FtpClient:
         return bytes(found)
 
     def burst(self, path: str) -> bytes:
-        """Return the content of a file, by burst reads; lost packets are requested again."""
+        """Return the content of a file, by burst reads; each burst begins at the first lost packet."""
         session, size = self.open(path)
-        parts: dict[int, bytes] = {}
-        offset, rounds = 0, 0
-        while offset < size and rounds < 2000:
-            rounds += 1
+        content = bytearray()
+        for _ in range(MAX_BURSTS):
+            if len(content) >= size:
+                break
             mark = self.vehicle.mark()
-            self.send(BURST, session=session, offset=offset, size=CHUNK)
+            self.send(BURST, session=session, offset=len(content), size=CHUNK)
             while (found := self.reply(mark)) is not None:
                 answer, mark = found
-                if not answer.ok:
+                if answer.ok and answer.offset == len(content):
+                    content += answer.data
+                if answer.complete or not answer.ok:
                     break
-                parts[answer.offset] = answer.data
-                if answer.complete:
-                    break
-            offset = _contiguous(parts)
         self.ask(TERMINATE, session=session)
-        return b"".join(parts[o] for o in sorted(parts))[:offset]
+        return bytes(content)
 
     def list(self, path: str) -> list[str]:
         """Return the entries of a directory: file `Fname\\tsize`, directory `Dname`, skipped entry `S`."""
@@ -140,11 +139,3 @@ class FtpClient:
 def _reply(payload: bytes) -> Reply:
     seq, session, opcode, size, request, complete, offset = HEADER.unpack_from(payload)
     return Reply(seq, session, opcode, request, bool(complete), offset, payload[12 : 12 + size])
-
-
-def _contiguous(parts: dict[int, bytes]) -> int:
-    """Return the number of bytes from the start of the file up to the first gap."""
-    end = 0
-    while parts.get(end):
-        end += len(parts[end])
-    return end

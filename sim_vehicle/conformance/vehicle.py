@@ -154,6 +154,10 @@ class VehicleUnderTest(Traffic):
         """Send COMMAND_LONG; raise CheckFailed unless the vehicle accepts the command."""
         equal(self.command(command, *params), ACCEPTED, command_name(command))
 
+    def expect_answer(self) -> None:
+        """Raise CheckFailed unless the vehicle accepts a command without an effect."""
+        equal(self.result(self.version_request()), ACCEPTED, "a command afterwards")
+
     # -- messages on request -----------------------------------------------------------------------------
 
     def request(self, kind: str, *params: float) -> Any:

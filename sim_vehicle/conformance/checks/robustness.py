@@ -8,7 +8,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds
+from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds
 from sim_vehicle.conformance.frames import LONGEST_FRAME, frame
 from sim_vehicle.conformance.guard import SIMULATOR
 from sim_vehicle.conformance.registry import check, checks, row
@@ -22,10 +22,6 @@ UNKNOWN_ID = 60_000
 N_REQUESTS = 200
 ANSWER_S = 10.0  # longest time to the first answer after a flood
 Build = Callable[[VehicleUnderTest], bytes]
-
-
-def _require_answer(vehicle: VehicleUnderTest) -> None:
-    equal(vehicle.result(vehicle.version_request()), ACCEPTED, "a command afterwards")
 
 
 def _request(vehicle: VehicleUnderTest) -> bytes:
@@ -59,7 +55,7 @@ def _survives(vehicle: VehicleUnderTest, build: Build) -> str:
     # The zeros end a frame that the garbage may announce; it would swallow the next commands.
     vehicle.send_raw(sent + bytes(LONGEST_FRAME))
     vehicle.wait(0.3)
-    _require_answer(vehicle)
+    vehicle.expect_answer()
     return f"{len(sent)} bytes"
 
 
@@ -93,7 +89,7 @@ def half_a_frame(vehicle: VehicleUnderTest) -> str:
         mark = vehicle.send_raw(_request(vehicle))
         if vehicle.wait_for("COMMAND_ACK", within_s=1.0, mark=mark) is not None:
             return f"answered frame {attempt + 1}"
-    _require_answer(vehicle)
+    vehicle.expect_answer()
     return "answered later"
 
 
@@ -104,7 +100,7 @@ def twenty_kilobytes(vehicle: VehicleUnderTest) -> None:
         vehicle.send_raw(_random_bytes(1000, 100 + seed))
         vehicle.wait(0.05)
     holds(len(vehicle.since(vehicle.wait(3.0), "HEARTBEAT")) >= 2, "heartbeats stopped")
-    _require_answer(vehicle)
+    vehicle.expect_answer()
 
 
 def _mavlink1(vehicle: VehicleUnderTest) -> bytes:
@@ -121,7 +117,7 @@ def _frame_is(vehicle: VehicleUnderTest, build: Build, answered: bool) -> None:
         vehicle.wait(0.5)
     else:
         vehicle.expect_none("COMMAND_ACK", during_s=1.5, mark=mark)
-    _require_answer(vehicle)
+    vehicle.expect_answer()
 
 
 checks(
@@ -167,7 +163,7 @@ def sequence_gap(vehicle: VehicleUnderTest) -> None:
     """The vehicle still answers after a gap in the station's sequence numbers, as after losses."""
     codec = vehicle.sender.codec()
     codec.seq = (codec.seq + 100) % 256
-    _require_answer(vehicle)
+    vehicle.expect_answer()
 
 
 def _survives_flood(
@@ -235,7 +231,7 @@ def _survives_messages(vehicle: VehicleUnderTest, payload: Callable[[int], bytes
         if count % 40 == 0:
             vehicle.wait(0.2)
     vehicle.wait(10.0)
-    _require_answer(vehicle)
+    vehicle.expect_answer()
     return f"{count} messages"
 
 
