@@ -139,25 +139,16 @@ def wait_for_list(vehicle: VehicleUnderTest, mark: int) -> None:
 
 def fetch_all(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
     """Fetch, store and return the parameter list; missing entries are requested by index."""
-    by_index: dict[int, ParameterValue] = {}
-    count, mark, began_s = None, vehicle.mark(), vehicle.now
-    vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
-    while count is None or len(by_index) < count:
-        if vehicle.now - began_s > LIST_S:
-            raise CheckFailed(f"parameter list: {len(by_index)} of {count} within {LIST_S:g} s")
-        previous_mark, before = mark, len(by_index)
-        message = vehicle.wait_for("PARAM_VALUE", within_s=LIST_QUIET_S, mark=previous_mark)
-        mark = vehicle.mark()
-        for received in vehicle.since(previous_mark, "PARAM_VALUE"):
-            if received.param_index != UNINDEXED:
-                by_index[received.param_index] = decode(vehicle, received)
-                count = received.param_count
-        if message is None or len(by_index) == before:
-            if count is None:
-                raise CheckFailed("expected PARAM_VALUE for PARAM_REQUEST_LIST, saw none")
-            for index in [i for i in range(count) if i not in by_index][:20]:
-                vehicle.send(read_message(vehicle, index=index))
-    vehicle.catalogue = {found.name: found for _, found in sorted(by_index.items())}
+    mark = vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
+    wait_for_list(vehicle, mark)
+    found = [decode(vehicle, m) for m in vehicle.since(mark, "PARAM_VALUE") if m.param_index != UNINDEXED]
+    if not found:
+        raise CheckFailed("expected PARAM_VALUE for PARAM_REQUEST_LIST, saw none")
+    by_index = {value.index: value for value in found}
+    for index in range(found[0].count):
+        if index not in by_index:
+            by_index[index] = read_index(vehicle, index)
+    vehicle.catalogue = {value.name: value for _, value in sorted(by_index.items())}
     return vehicle.catalogue
 
 
