@@ -70,13 +70,13 @@ def resolve(url: Url, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Ad
 def cannot_open(url: Url, error: OSError) -> LinkError:
     """Return the error for a port that cannot be opened."""
     if error.errno == errno.EADDRINUSE:
-        cure = "another program may use it; choose another port with --url [port-in-use]"
+        cure = "another program may use it; choose another port in the URL [port-in-use]"
     elif error.errno == errno.EADDRNOTAVAIL:
-        cure = "this machine has no such address; choose another address with --url [no-such-address]"
+        cure = "this machine has no such address; choose another address in the URL [no-such-address]"
     elif error.errno in (errno.EACCES, errno.EPERM):
-        cure = "choose another address, or a port above 1023, with --url [not-permitted]"
+        cure = "choose another address, or a port above 1023, in the URL [not-permitted]"
     elif error.errno in (errno.EMFILE, errno.ENFILE):
         cure = "allow more open files (ulimit -n), or use fewer ports [too-many-files]"
     else:
-        cure = "check the network, and the address given with --url"
+        cure = "check the network, and the address in the URL"
     return LinkError(f"cannot open {url}: {error.strerror or error}; {cure}")

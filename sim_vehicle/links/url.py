@@ -49,13 +49,13 @@ def parse_url(text: str) -> Url:
     match = _NETWORK.fullmatch(stripped)
     kind = "" if match is None or match["kind"] is None else match["kind"]
     if kind in _AMBIGUOUS:
-        raise UrlError(f"--url {text!r}: {kind} is ambiguous; {_AMBIGUOUS[kind]}")
+        raise UrlError(f"URL {text!r}: {kind} is ambiguous; {_AMBIGUOUS[kind]}")
     kind = _ALIASES.get(kind, kind)
     if match is None or kind not in NETWORK_KINDS or not (match["kind"] or match["host"]):
-        raise UrlError(f"--url {text!r}: unknown form; expected {FORMS}")
+        raise UrlError(f"URL {text!r}: unknown form; expected {FORMS}")
     port = int(match["port"])
     if not 0 < port <= MAX_PORT:
-        raise UrlError(f"--url {text!r}: port {port} is out of range; use 1 to {MAX_PORT}")
+        raise UrlError(f"URL {text!r}: port {port} is out of range; use 1 to {MAX_PORT}")
     host = match["host"].strip("[]") or ("0.0.0.0" if kind.endswith("in") else "127.0.0.1")
     return Url(kind, host, port)
 
@@ -64,10 +64,9 @@ def _serial(stripped: str, text: str) -> Url:
     match = _SERIAL.fullmatch(stripped)
     if match is None:
         raise UrlError(
-            f"--url {text!r}: unknown form; expected serial:DEVICE:BAUD, "
-            "for example serial:/dev/ttyUSB0:57600"
+            f"URL {text!r}: unknown form; expected serial:DEVICE:BAUD, for example serial:/dev/ttyUSB0:57600"
         )
     baud = int(match["baud"])
     if not 0 < baud <= MAX_BAUD:
-        raise UrlError(f"--url {text!r}: {baud} baud is out of range; use 1 to {MAX_BAUD} baud")
+        raise UrlError(f"URL {text!r}: {baud} baud is out of range; use 1 to {MAX_BAUD} baud")
     return Url("serial", match["device"], baud)

@@ -47,7 +47,7 @@ def test_a_url_in_the_notations_of_other_tools(text: str, url: Url) -> None:
 @pytest.mark.parametrize(
     ("parse", "option", "texts"),
     [
-        (parse_url, "--url", ["", "udp", ":14550", "udpout:x", "udpout:x:0", "udpout:x:65536", "ftp:x:1",
+        (parse_url, "URL", ["", "udp", ":14550", "udpout:x", "udpout:x:0", "udpout:x:65536", "ftp:x:1",
                               "http://x:1", "a:b:c:1", "serial:/dev/x"]),
         (parse_home, "--home", ["46,14", "91,0,0", "90,0,0", "-89.5,0,0", "0,181,0", "0,0,nan", "0,0,0,400",
                                 "a,b,c", "1,2,3,4,5", ""]),
