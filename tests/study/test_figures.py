@@ -1,4 +1,4 @@
-"""Figures: refused specifications, labels that do not collide, and files for print."""
+"""Figures: refused specifications, letters that do not collide, and files for print."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ import made_up_study
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.image import imread
 from matplotlib.text import Annotation
@@ -19,7 +17,6 @@ from matplotlib.text import Annotation
 from swarmctl.study.figures import caption, draw, validate
 from swarmctl.study.figures.base import Study
 from swarmctl.study.figures.calibration import Calibration, _binned
-from swarmctl.study.figures.labels import spread
 from swarmctl.study.figures.style import HEADING, files, print_style
 
 KEYS = {"level", "seed", "uav"}
@@ -58,6 +55,13 @@ CASES: dict[str, tuple[dict[str, list[Any]], dict[str, Any]]] = {
     "tradeoff": (
         {"planner.w": W},
         {"kind": "tradeoff", "x": "length_cells", "y": ["exposure_sum", "strikes"], "along": "planner.w"},
+    ),
+    "tradeoff of a curve that rises": (
+        {"planner.w": W}, {"kind": "tradeoff", "x": "exposure_sum", "y": "strikes", "along": "planner.w"},
+    ),
+    "tradeoff of curves": (
+        NAMES_AND_W,
+        {"kind": "tradeoff", "x": "length_cells", "y": "strikes", "along": "planner.w", "by": NAMES},
     ),
     "tradeoff of names": (
         {NAMES: PLANNERS}, {"kind": "tradeoff", "x": "length_cells", "y": "strikes", "by": NAMES},
@@ -98,12 +102,15 @@ def test_letters_stay_on_the_page_and_apart(name: str) -> None:
         canvas.draw()
         texts = [text for text in figure.findobj(Annotation) if text.get_text().strip()]
         texts += figure.findobj(lambda artist: artist.get_label() == HEADING)
+        texts += [text for legend in figure.legends for text in legend.get_texts()]
         labels = [text.get_window_extent().shrunk(0.9, 0.9) for text in texts]
     assert round(figure.get_size_inches()[0] * 25.4) == (180 if entry.get("width") == "two" else 88)
     image = np.asarray(canvas.buffer_rgba())[..., :3]
     assert all((edge == 255).all() for edge in (image[0], image[-1], image[:, 0], image[:, -1]))
     assert not any(a.overlaps(b) for a, b in itertools.combinations(labels, 2))
     assert "interval" in caption(study, spec)
+    n_named = sum(len(legend.get_texts()) for legend in figure.legends)
+    assert "by" not in entry or n_named == len(factors[entry["by"]])
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
@@ -170,12 +177,3 @@ def test_a_true_probability_lies_on_the_diagonal() -> None:
     at, found = _binned(study, spec, "safety_factor", None, None)
     assert at == pytest.approx(np.arange(10) / 10 + 0.05, abs=0.005)
     assert found.value == pytest.approx(at, abs=0.025)
-
-
-@given(st.lists(st.floats(0.0, 100.0), min_size=1, max_size=10))
-def test_labels_keep_their_order_and_distance(wanted: list[float]) -> None:
-    placed = spread(np.array(wanted), 8.0, 0.0, 100.0)
-    order = np.argsort(wanted, kind="stable")
-    assert (np.diff(placed[order]) >= 8.0 - 1e-6).all()
-    assert placed.min() >= -1e-6
-    assert placed.max() <= 100.0 + 1e-6

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,7 +12,7 @@ from pydantic import Field
 from swarmctl.report.pictures.style import QUIET
 from swarmctl.study import statistics
 from swarmctl.study.figures.base import Names, Spec, Study, factors_of, index_of, n_text
-from swarmctl.study.figures.labels import Label, Labels
+from swarmctl.study.figures.marks import name_series
 from swarmctl.study.figures.measures import label, mathtext, value_label
 from swarmctl.study.figures.panels import words_of
 from swarmctl.study.figures.style import MARKERS, colours, page
@@ -38,24 +40,38 @@ class Calibration(Spec):
 def draw(study: Study, spec: Calibration) -> Figure:
     values = study.shown(spec, spec.panels)
     figure, panels = page(spec.width, len(values), 74.0 if spec.width == "one" else 62.0)
-    labels = Labels()
+    series = [(name, value) for name in spec.predicted for value in study.shown(spec, spec.by)]
+    shades = colours([name if spec.by is None else value for name, value in series])
     for axes, value in zip(panels, values, strict=True):
-        _draw(axes, labels, study, spec, value)
+        _draw(axes, study, spec, series, shades, value)
         axes.set_title(mathtext(words_of(spec, value, f"{label(spec.observed)}, as observed")))
-    labels.place(figure)
+    if spec.by is not None or len(series) > 1:
+        name_series(figure, [_name(spec, *each) for each in series], shades)
     return figure
 
 
-def _draw(axes: Axes, labels: Labels, study: Study, spec: Calibration, panel: object) -> None:
+def _name(spec: Calibration, name: str, value: object) -> str:
+    """Return the name of the series of a predicted measure and a value of the factor `by`."""
+    if spec.by is None:
+        return label(name)
+    text = value_label(spec.by, value)
+    return f"{label(name)}, {text}" if len(spec.predicted) > 1 else text
+
+
+def _draw(
+    axes: Axes,
+    study: Study,
+    spec: Calibration,
+    series: Sequence[tuple[str, object]],
+    shades: Sequence[str],
+    panel: object,
+) -> None:
     axes.plot([0, 1], [0, 1], color=QUIET, lw=0.7, zorder=1.5)
     axes.annotate(
         "as\npredicted", (1, 1), (4, 0), textcoords="offset points", color=QUIET, va="center",
         annotation_clip=False,
     )  # fmt: skip
-    by = study.shown(spec, spec.by)
-    series = [(name, value) for name in spec.predicted for value in by]
-    names = [value if len(by) > 1 or spec.by is not None else name for name, value in series]
-    for index, ((name, value), colour) in enumerate(zip(series, colours(names), strict=True)):
+    for index, ((name, value), colour) in enumerate(zip(series, shades, strict=True)):
         at, found = _binned(study, spec, name, value, panel)
         drawn = np.isfinite(at)
         axes.vlines(at, found.low, found.high, color=colour, lw=0.8, zorder=3)
@@ -63,17 +79,6 @@ def _draw(axes: Axes, labels: Labels, study: Study, spec: Calibration, panel: ob
         axes.plot(
             at[drawn], found.value[drawn], color=colour, marker=mark, mec="white", mew=0.4, lw=0.9, zorder=4
         )
-        labels.avoid(axes, at[drawn], found.value[drawn])
-        for k in np.flatnonzero(drawn).tolist():
-            labels.avoid(axes, [at[k], at[k]], [found.low[k], found.high[k]])
-        parts = ([label(name)] if len(spec.predicted) > 1 else []) + (
-            [value_label(spec.by, value)] if spec.by is not None else []
-        )
-        if parts and drawn.any():
-            last = int(np.flatnonzero(drawn)[-1])
-            text = Label(float(at[last]), float(found.value[last]), ", ".join(parts), colour)
-            labels.add_point(axes, text)
-    labels.avoid(axes, [0, 1], [0, 1])
     axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal")
     ticks = np.linspace(0, 1, 6)
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks.round(1)])

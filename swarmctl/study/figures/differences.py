@@ -26,8 +26,7 @@ from swarmctl.study.figures.base import (
     same,
 )
 from swarmctl.study.figures.dots import height_mm
-from swarmctl.study.figures.labels import Labels
-from swarmctl.study.figures.marks import draw_lines, draw_rows, draw_zero, name_series
+from swarmctl.study.figures.marks import draw_lines, draw_rows, draw_zero, name_values
 from swarmctl.study.figures.measures import factor_label, label, one_of, parts, value_label
 from swarmctl.study.figures.panels import estimates_of, panels_of, words_of
 from swarmctl.study.figures.style import columns_of, fit, heading, is_numeric, set_unit
@@ -69,14 +68,13 @@ def draw(study: Study, spec: Differences) -> Figure:
     rest = [index for index in range(len(study.values(spec.compare))) if index != reference]
     along = spec.x if spec.x is not None else spec.compare
     lines = spec.compare if spec.x is not None else spec.by
-    by = (lines, others if lines == spec.compare else study.shown(spec, lines))
+    by = others if lines == spec.compare else study.shown(spec, lines)
     x = (along, others if along == spec.compare else study.shown(spec, along))
     is_rows = not is_numeric(x[1])
     if is_rows:
-        figure, panels = panels_of(study, spec, spec.y, height_mm(len(x[1]), len(by[1])), most_columns=4)
+        figure, panels = panels_of(study, spec, spec.y, height_mm(len(x[1]), len(by)), most_columns=4)
     else:
         figure, panels = panels_of(study, spec, spec.y)
-    labels = Labels()
     against = value_label(spec.compare, spec.reference)
     axes = (lines, along)
 
@@ -95,16 +93,14 @@ def draw(study: Study, spec: Differences) -> Figure:
         heading(panel.axes, _heading(spec, panel.measure, panel.value, against))
         if spec.per is None:
             set_unit(panel.axes.xaxis if is_rows else panel.axes.yaxis, panel.measure)
-        column, n_columns = columns_of(panel.axes)
         if is_rows:
-            draw_rows(panel.axes, x, by, found, named=column == 0)
+            draw_rows(panel.axes, x, by, found, named=columns_of(panel.axes)[0] == 0)
         else:
-            draw_lines(panel.axes, labels, x, by, found, spec.x_scale, named=column == n_columns - 1)
+            draw_lines(panel.axes, x, by, found, spec.x_scale)
         draw_zero(panel.axes, upright=is_rows)
+    name_values(figure, lines, by)
     if is_rows:
         fit(figure)
-        name_series(panels[0].axes, by)
-    labels.place(figure)
     return figure
 
 

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from swarmctl.study.figures.base import Names, Spec, Study, factors_of, interval_text
-from swarmctl.study.figures.marks import draw_rows, name_series
+from swarmctl.study.figures.marks import draw_rows, name_values
 from swarmctl.study.figures.measures import estimate, factor_label, label
 from swarmctl.study.figures.panels import estimates_of, panels_of
 from swarmctl.study.figures.style import columns_of, fit, set_unit
@@ -25,16 +25,14 @@ class Dots(Spec):
 
 
 def draw(study: Study, spec: Dots) -> Figure:
-    by = (spec.by, study.shown(spec, spec.by))
-    x = (spec.x, study.shown(spec, spec.x))
-    figure, panels = panels_of(study, spec, spec.y, height_mm(len(x[1]), len(by[1])), most_columns=4)
+    by, x = study.shown(spec, spec.by), (spec.x, study.shown(spec, spec.x))
+    figure, panels = panels_of(study, spec, spec.y, height_mm(len(x[1]), len(by)), most_columns=4)
     for panel in panels:
         found = estimates_of(study, spec, panel, (spec.by, spec.x), estimate)
         set_unit(panel.axes.xaxis, panel.measure)
         draw_rows(panel.axes, x, by, found, named=columns_of(panel.axes)[0] == 0)
+    name_values(figure, spec.by, by)
     fit(figure)
-    name_series(panels[0].axes, by)
-    figure.draw_without_rendering()
     return figure
 
 

@@ -9,11 +9,10 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from swarmctl.study.figures.base import Names, Spec, Study, factors_of, interval_text, require_log_values
-from swarmctl.study.figures.labels import Labels
-from swarmctl.study.figures.marks import draw_lines
+from swarmctl.study.figures.marks import draw_lines, name_values
 from swarmctl.study.figures.measures import estimate, factor_label, label
 from swarmctl.study.figures.panels import estimates_of, panels_of
-from swarmctl.study.figures.style import columns_of, set_unit
+from swarmctl.study.figures.style import set_unit
 
 
 class Lines(Spec):
@@ -35,15 +34,12 @@ class Lines(Spec):
 
 def draw(study: Study, spec: Lines) -> Figure:
     figure, panels = panels_of(study, spec, spec.y)
-    labels = Labels()
-    by = (spec.by, study.shown(spec, spec.by))
-    x = (spec.x, study.shown(spec, spec.x))
+    by, x = study.shown(spec, spec.by), (spec.x, study.shown(spec, spec.x))
     for panel in panels:
         found = estimates_of(study, spec, panel, (spec.by, spec.x), estimate)
         set_unit(panel.axes.yaxis, panel.measure)
-        column, n_columns = columns_of(panel.axes)
-        draw_lines(panel.axes, labels, x, by, found, spec.x_scale, named=column == n_columns - 1)
-    labels.place(figure)
+        draw_lines(panel.axes, x, by, found, spec.x_scale)
+    name_values(figure, spec.by, by)
     return figure
 
 

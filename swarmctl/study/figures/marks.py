@@ -1,4 +1,4 @@
-"""Marks that several kinds of figures share: lines with bands, and rows of dots with intervals."""
+"""What several kinds of figures share: lines with bands, rows of dots with intervals, names of series."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from swarmctl.report.pictures.style import INK
-from swarmctl.study.figures.labels import Label, Labels
 from swarmctl.study.figures.measures import factor_label, mathtext, value_label, value_words
 from swarmctl.study.figures.style import (
     MARKERS,
@@ -23,10 +24,8 @@ from swarmctl.study.figures.style import (
 )
 from swarmctl.study.statistics import Estimates
 
-GLYPHS = "●■▲◆▼✚✖◀▶⬟"
-"""the letters that look like MARKERS"""
-LEGEND_PT = 160.0
-"""width of a row of names above a panel of one column"""
+NAMES_MM = 3.6
+"""height of a row of names above the panels"""
 BAND = 0.18
 """opacity of an interval"""
 
@@ -39,14 +38,12 @@ def positions(values: Sequence[object]) -> list[float]:
 
 
 def draw_lines(
-    axes: Axes, labels: Labels, x: tuple[str, Sequence[object]], by: tuple[str | None, Sequence[object]],
-    found: Estimates, scale: str, named: bool,
-) -> None:  # fmt: skip
-    """Draw one line for each row of `found` (by, x), with its interval as a band and its name at its end."""
+    axes: Axes, x: tuple[str, Sequence[object]], by: Sequence[object], found: Estimates, scale: str
+) -> None:
+    """Draw one line for each row of `found` (by, x), with its interval as a band."""
     factor, values = x
     places = np.array(positions(values))
-    shades = colours(by[1])
-    for index, (value, colour) in enumerate(zip(by[1], shades, strict=True)):
+    for index, colour in enumerate(colours(by)):
         y, low, high = found.value[index], found.low[index], found.high[index]
         there = np.isfinite(y)
         if not there.any():
@@ -67,8 +64,6 @@ def draw_lines(
             mew=0.4,
             zorder=4 + index / 50,
         )
-        if by[0] is not None and named:
-            labels.add_end(axes, Label(at[-1], float(y[there][-1]), value_label(by[0], value), colour))
     set_scale(axes, scale, values)
     set_unit(axes.xaxis, factor)
     if not is_numeric(values):
@@ -90,15 +85,13 @@ def limits(found: Estimates) -> tuple[float, float]:
 
 
 def draw_rows(
-    axes: Axes, x: tuple[str, Sequence[object]], by: tuple[str | None, Sequence[object]], found: Estimates,
-    named: bool,
-) -> None:  # fmt: skip
+    axes: Axes, x: tuple[str, Sequence[object]], by: Sequence[object], found: Estimates, named: bool
+) -> None:
     """Draw `found` (by, x) as dots with intervals, one row a value, the first one at the top."""
     factor, values = x
-    n = len(by[1])
-    shades = colours(by[1])
+    n = len(by)
     step = min(0.7 / n, 0.24)
-    for index, colour in enumerate(shades):
+    for index, colour in enumerate(colours(by)):
         rows = np.arange(len(values)) + (index - (n - 1) / 2) * step
         value, low, high = found.value[index], found.low[index], found.high[index]
         low, high = (np.where(np.isfinite(limit), limit, value) for limit in (low, high))
@@ -117,26 +110,29 @@ def draw_rows(
     axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
 
 
-def name_series(axes: Axes, by: tuple[str | None, Sequence[object]]) -> None:
-    """Write the names of the series above the panel, each in its colour and after its mark."""
-    if by[0] is None:
-        return
-    n_lines = axes.get_title(loc="left").count("\n") + 1
-    names = [f"{GLYPHS[i % len(GLYPHS)]} {value_label(by[0], value)}" for i, value in enumerate(by[1])]
-    widths = [0.64 * SMALL_PT * (len(name) + 1) for name in names]
-    rows: list[list[int]] = [[]]
-    for index, width in enumerate(widths):
-        if rows[-1] and sum(widths[k] for k in rows[-1]) + width > LEGEND_PT:
-            rows.append([])
-        rows[-1].append(index)
-    shades = colours(by[1])
-    for row, members in enumerate(reversed(rows)):
-        for index in members:
-            x, y = sum(widths[k] for k in members if k < index), 16 + 9.5 * (row + n_lines - 1)
-            axes.annotate(
-                mathtext(names[index]), (0, 1), (x, y), xycoords="axes fraction", va="bottom",
-                textcoords="offset points", color=dark(shades[index]), annotation_clip=False,
-            )  # fmt: skip
+def name_series(figure: Figure, names: Sequence[str], shades: Sequence[str]) -> None:
+    """Write the names of the series above the panels, each in its colour and after its mark.
+
+    The page grows by the height of the names.
+    """
+    width, height = figure.get_size_inches()
+    widest_pt = 0.6 * SMALL_PT * max(map(len, names)) + 20.0
+    n_columns = max(min(int((72.0 * width - 10.0) / widest_pt), len(names)), 1)
+    figure.set_size_inches(width, height + -(-len(names) // n_columns) * NAMES_MM / 25.4)
+    marks = [
+        Line2D([], [], color=shade, marker=MARKERS[index % len(MARKERS)], mec="white", mew=0.4)
+        for index, shade in enumerate(shades)
+    ]
+    figure.legend(
+        marks, [*map(mathtext, names)], loc="outside upper left", ncols=n_columns, frameon=False,
+        labelcolor=[*map(dark, shades)], handlelength=1.6, columnspacing=1.0, borderpad=0.0,
+    )  # fmt: skip
+
+
+def name_values(figure: Figure, factor: str | None, values: Sequence[object]) -> None:
+    """Write the names of the values of a factor, if each has a series."""
+    if factor is not None:
+        name_series(figure, [value_label(factor, value) for value in values], colours(values))
 
 
 def draw_zero(axes: Axes, upright: bool) -> None:

@@ -8,18 +8,19 @@ from typing import Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from pydantic import Field
 
 from swarmctl.report.pictures.style import INK
 from swarmctl.study.figures.base import Names, Spec, Study, factors_of, interval_text
-from swarmctl.study.figures.labels import Label, Labels
-from swarmctl.study.figures.marks import limits
+from swarmctl.study.figures.marks import limits, name_values
 from swarmctl.study.figures.measures import estimate, factor_label, label, mathtext, value_label
 from swarmctl.study.figures.panels import Panel, estimates_of, panels_of
 from swarmctl.study.figures.style import MARKERS, colours, from_zero, set_log, set_unit
-from swarmctl.study.statistics import Estimates
+from swarmctl.study.statistics import Estimates, Floats
 
 MOST_LABELS = 6
+HALO = withStroke(linewidth=1.8, foreground="white")
 
 
 class Tradeoff(Spec):
@@ -38,7 +39,6 @@ class Tradeoff(Spec):
 
 def draw(study: Study, spec: Tradeoff) -> Figure:
     figure, panels = panels_of(study, spec, spec.y)
-    labels = Labels()
     for panel in panels:
         y = estimates_of(study, spec, panel, (spec.by, spec.along), estimate)
         across = Panel(panel.axes, spec.x, panel.value)
@@ -47,19 +47,19 @@ def draw(study: Study, spec: Tradeoff) -> Figure:
             if (x.value <= 0.0).any():
                 raise ValueError(f"a logarithmic axis cannot show means of {spec.x} of 0 or less")
             set_log(panel.axes)
-        _draw(panel.axes, labels, spec, study, x, y)
+        _draw(panel.axes, spec, study, x, y)
         panel.axes.set_xlabel(mathtext(label(spec.x)))
         set_unit(panel.axes.xaxis, spec.x)
         set_unit(panel.axes.yaxis, panel.measure)
         from_zero(panel.axes, *limits(y))
-        panel.axes.margins(x=0.1)
-    labels.place(figure)
+        panel.axes.margins(x=0.14)
+    name_values(figure, spec.by, study.shown(spec, spec.by))
     return figure
 
 
-def _draw(axes: Axes, labels: Labels, spec: Tradeoff, study: Study, x: Estimates, y: Estimates) -> None:
+def _draw(axes: Axes, spec: Tradeoff, study: Study, x: Estimates, y: Estimates) -> None:
     by, along = study.shown(spec, spec.by), study.shown(spec, spec.along)
-    for index, (value, colour) in enumerate(zip(by, colours(by), strict=True)):
+    for index, colour in enumerate(colours(by)):
         mark = MARKERS[index % len(MARKERS)]
         at_x, at_y = x.value[index], y.value[index]
         there = np.isfinite(at_x) & np.isfinite(at_y)
@@ -69,24 +69,23 @@ def _draw(axes: Axes, labels: Labels, spec: Tradeoff, study: Study, x: Estimates
         axes.vlines(at_x, y.low[index], y.high[index], color=colour, lw=0.6, alpha=0.6, zorder=2)
         size = 3.6 if spec.along is not None else 5.0
         axes.plot(at_x, at_y, color=colour, marker=mark, ms=size, mec="white", mew=0.4, zorder=4)
-        labels.avoid(axes, at_x, at_y)
-        for k in np.flatnonzero(there).tolist():
-            labels.avoid(axes, [x.low[index][k], x.high[index][k]], [at_y[k], at_y[k]])
-            labels.avoid(axes, [at_x[k], at_x[k]], [y.low[index][k], y.high[index][k]])
-        last = int(np.flatnonzero(there)[-1])
-        if spec.by is not None:
-            labels.add_point(
-                axes, Label(float(at_x[last]), float(at_y[last]), value_label(spec.by, value), colour)
-            )
         if spec.along is not None and index == 0:
-            for k in labelled(along, [bool(is_there) for is_there in there]):
-                if spec.by is not None and k == last:
-                    continue
-                axes.plot(
-                    at_x[k], at_y[k], color=colour, marker=mark, ms=size, mfc="white", mew=1.0, zorder=5
-                )
-                text = value_label(spec.along, along[k])
-                labels.add_point(axes, Label(float(at_x[k]), float(at_y[k]), text, INK))
+            shown = labelled(along, [bool(is_there) for is_there in there])
+            axes.plot(at_x[shown], at_y[shown], mark, color=colour, ms=size, mfc="white", mew=1.0, zorder=5)
+            _label(axes, at_x[shown], at_y[shown], [value_label(spec.along, along[k]) for k in shown])
+
+
+def _label(axes: Axes, x: Floats, y: Floats, names: Sequence[str]) -> None:
+    """Write the names of points of a curve beside it, by turns above and below, where they do not meet."""
+    rises = (y[-1] > y[0]) == (x[-1] > x[0])
+    for index, name in enumerate(names):
+        up = 1 if index % 2 == 0 else -1
+        right = -up if rises else up
+        axes.annotate(
+            mathtext(name), (x[index], y[index]), (4 * right, 4 * up), textcoords="offset points", color=INK,
+            ha="left" if right > 0 else "right", va="bottom" if up > 0 else "top", annotation_clip=False,
+            path_effects=[HALO], zorder=8,
+        )  # fmt: skip
 
 
 def labelled(values: Sequence[object], there: Sequence[bool]) -> list[int]:
