@@ -167,6 +167,25 @@ def test_tracks_of_a_world_that_was_not_kept_are_an_error() -> None:
         draw(study, spec)
 
 
+def test_tracks_show_the_way_of_each_vehicle_and_its_strikes() -> None:
+    factors, entry = CASES["tracks"]
+    study = study_of(factors)
+    with print_style():
+        figure = draw(study, validate(entry, factors, study.measures))
+    tracks = study.tracks
+    assert tracks is not None
+    for level, axes in enumerate(figure.axes):
+        of_level = tracks[tracks["level"] == level].sort_values("step")
+        for _, own in of_level.groupby("uav"):
+            cells = own[["col", "row"]].to_numpy() + 0.5
+            assert any(
+                line.get_xydata().shape == cells.shape and np.allclose(line.get_xydata(), cells, atol=1e-6)
+                for line in axes.lines
+            )
+        n_stars = sum(len(line.get_xdata()) for line in axes.lines if line.get_marker() == "*")
+        assert n_stars == (of_level["strikes"] > 0).sum()
+
+
 def test_a_true_probability_lies_on_the_diagonal() -> None:
     rng = np.random.default_rng(1)
     p = rng.random(40_000)

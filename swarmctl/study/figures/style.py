@@ -83,16 +83,20 @@ def print_style() -> Iterator[None]:
         yield
 
 
+def n_columns_of(width: str, n_panels: int, most_columns: int = 3) -> int:
+    """Return the number of columns of the panels of a page."""
+    if width == "one":
+        return 1 if n_panels <= 3 else 2
+    if n_panels == most_columns + 1 and n_panels % most_columns:
+        return (n_panels + 1) // 2
+    return min(n_panels, most_columns)
+
+
 def page(
     width: str, n_panels: int, panel_mm: float = PANEL_MM, most_columns: int = 3
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure of the width of a column, or two, with panels in a grid that reads by rows."""
-    if width == "one":
-        n_columns = 1 if n_panels <= 3 else 2
-    else:
-        n_columns = min(n_panels, most_columns)
-        if n_panels == most_columns + 1 and n_panels % most_columns:
-            n_columns = (n_panels + 1) // 2
+    n_columns = n_columns_of(width, n_panels, most_columns)
     n_rows = -(-n_panels // n_columns)
     size = (WIDTH_MM[width] / 25.4, (n_rows * panel_mm + 2.0) / 25.4)
     figure = Figure(figsize=size, layout="constrained")
