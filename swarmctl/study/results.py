@@ -83,13 +83,20 @@ class Results:
         """Write the tables of `seeds` of all levels; return the number of rows."""
         n_rows = 0
         for name, file in TABLES.items():
-            tables = (
+            tables = [
                 self._with_level(level, table, with_factors=name == "rows")
                 for level in self._experiment.levels
                 for table in self._tables(level.index, name, seeds)
+            ]
+            if not tables:
+                continue
+            whole, temporary = (
+                pa.concat_tables(tables).combine_chunks(),
+                (self.folder / file).with_suffix(".tmp"),
             )
-            n = _write_sorted(self.folder / file, tables)
-            n_rows = n if name == "rows" else n_rows
+            pq.write_table(whole, temporary, row_group_size=ROWS_A_GROUP, compression="zstd")
+            temporary.replace(self.folder / file)
+            n_rows = len(whole) if name == "rows" else n_rows
         return n_rows
 
     def write_manifest(self, manifest: Mapping[str, Any]) -> None:
@@ -121,28 +128,6 @@ class Results:
             first |= {name: pa.scalar(value, self._types[name]) for name, value in level.values.items()}
         columns = {name: pa.repeat(value, len(table)) for name, value in first.items()}
         return pa.table(columns | {name: table[name] for name in table.column_names})
-
-
-def _write_sorted(path: Path, tables: Iterator[pa.Table]) -> int:
-    """Write tables one after the other in row groups of a fixed size; return the number of rows."""
-    n_rows, waiting, writer = 0, None, None
-    temporary = path.with_suffix(".tmp")
-    try:
-        for table in tables:
-            n_rows += len(table)
-            waiting = table if waiting is None else pa.concat_tables([waiting, table])
-            writer = writer or pq.ParquetWriter(temporary, table.schema, compression="zstd")
-            while len(waiting) >= ROWS_A_GROUP:
-                writer.write_table(waiting.slice(0, ROWS_A_GROUP).combine_chunks())
-                waiting = waiting.slice(ROWS_A_GROUP)
-        if writer is not None and waiting is not None and len(waiting):
-            writer.write_table(waiting.combine_chunks())
-    finally:
-        if writer is not None:
-            writer.close()
-    if writer is not None:
-        temporary.replace(path)
-    return n_rows
 
 
 @contextmanager
