@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any
 
 import msgspec
-from pydantic import BaseModel, ValidationError, create_model
+from pydantic import ValidationError
 
 from swarmctl.config.checks import check_config
 from swarmctl.config.model import Config, schema_problems, validate
@@ -20,12 +21,10 @@ from swarmctl.study.levels import (
     Choice,
     Factor,
     Level,
-    changed,
-    is_key,
     key_path,
     label_of,
-    require_key,
     suggestion,
+    with_value,
 )
 from swarmctl.study.tables import KEY_COLUMNS
 
@@ -41,12 +40,9 @@ class Setup(msgspec.Struct, frozen=True):
     n_vehicles: int
 
 
-def schema_of(kind: Kind) -> type[BaseModel]:
-    """Return the schema of the dotted keys of an experiment: the configuration's, and the kind's settings."""
-    if kind.settings is None:
-        return Config
-    fields: dict[str, Any] = {SETTINGS: (kind.settings, ...)}
-    return create_model("Keys", __base__=Config, **fields)
+def sections_of(kind: Kind) -> list[str]:
+    """Return the first parts of the dotted keys of an experiment; the schema of a level checks the rest."""
+    return [*Config.model_fields, *([] if kind.settings is None else [SETTINGS])]
 
 
 def check_file(section: ExperimentFile, worlds: int) -> Iterator[ConfigProblem]:
@@ -55,7 +51,7 @@ def check_file(section: ExperimentFile, worlds: int) -> Iterator[ConfigProblem]:
     if kind.settings is None and section.search is not None:
         text = f"the kind {section.kind} has no settings; remove this section, or choose another kind"
         yield ConfigProblem((SETTINGS,), text)
-    yield from _check_keys(section.set, ("set",), schema_of(kind))
+    yield from _check_keys(section.set, ("set",), sections_of(kind))
     if (until := section.until) is not None and until.measure not in kind.measures:
         text = f"{until.measure!r} is no measure; {suggestion(until.measure, kind.measures)}"
         yield ConfigProblem(("until", "measure"), text)
@@ -68,49 +64,62 @@ def check_file(section: ExperimentFile, worlds: int) -> Iterator[ConfigProblem]:
 def factors_of(section: ExperimentFile) -> tuple[list[Factor], list[ConfigProblem]]:
     """Return the factors of a file without those that are wrong, and the problems of the latter."""
     kind = KINDS[section.kind]
-    schema = schema_of(kind)
+    sections = sections_of(kind)
     factors: list[Factor] = []
     problems: list[ConfigProblem] = []
     for name, values in section.factors.items():
-        if wrong := list(_check_factor(name, values, schema)):
+        if wrong := list(_check_factor(name, values, sections)):
             problems += wrong
         elif name in (*KEY_COLUMNS, *kind.measures):
             text = f"{name} is a column of the results; choose another name"
             problems.append(ConfigProblem(("factors", name), text))
         else:
-            factors.append(_factor(name, values, schema))
+            factors.append(_factor(name, values, sections))
     return factors, problems + list(_check_overlap(section, factors))
 
 
 def _check_factor(
-    name: str, values: Steps | tuple[Any, ...], schema: type[BaseModel]
+    name: str, values: Steps | tuple[Any, ...], sections: Collection[str]
 ) -> Iterator[ConfigProblem]:
     here: KeyPath = ("factors", name)
     if not values:
         yield ConfigProblem(here, "the factor has no value; give a list, such as [0, 0.5, 1]")
-    elif is_key(name, schema):
-        yield from _check_keys([name], ("factors",), schema)
+    elif _is_key(name, sections):
+        yield from _check_keys([name], ("factors",), sections)
     elif isinstance(values, tuple) and all(isinstance(v, dict) and "name" in v for v in values):
         for i, item in enumerate(values):
-            yield from _check_keys([key for key in item if key != "name"], (*here, i), schema)
+            yield from _check_keys([key for key in item if key != "name"], (*here, i), sections)
     else:
-        try:
-            require_key(name, schema)
-        except ValueError as error:
-            text = f"{error}; only a list of {{name: LABEL, KEY: VALUE}} may have another name"
-            yield ConfigProblem(here, text)
+        text = f"{_no_key(name, sections)}; only a list of {{name: LABEL, KEY: VALUE}} may have another name"
+        yield ConfigProblem(here, text)
 
 
-def _check_keys(keys: Iterable[str], here: KeyPath, schema: type[BaseModel]) -> Iterator[ConfigProblem]:
+def _is_key(name: str, sections: Collection[str]) -> bool:
+    """Return whether a name begins with a section of the configuration."""
+    return _section_of(name) in sections
+
+
+def _section_of(name: str) -> str:
+    return re.split(r"[.\[]", name)[0]
+
+
+def _no_key(name: str, sections: Collection[str]) -> str:
+    first = _section_of(name)
+    return f"{name!r} is no key of the configuration: {first!r} is no section; {suggestion(first, sections)}"
+
+
+def _check_keys(keys: Iterable[str], here: KeyPath, sections: Collection[str]) -> Iterator[ConfigProblem]:
     for key in keys:
         if key == "seed":
             text = "the worlds are the seeds; give `worlds` and `first_seed` instead"
             yield ConfigProblem((*here, key), text)
-            continue
-        try:
-            require_key(key, schema)
-        except ValueError as error:
-            yield ConfigProblem((*here, key), str(error))
+        elif not _is_key(key, sections):
+            yield ConfigProblem((*here, key), _no_key(key, sections))
+        else:
+            try:
+                key_path(key)
+            except ValueError as error:
+                yield ConfigProblem((*here, key), str(error))
 
 
 def _check_overlap(section: ExperimentFile, factors: Iterable[Factor]) -> Iterator[ConfigProblem]:
@@ -126,9 +135,9 @@ def _check_overlap(section: ExperimentFile, factors: Iterable[Factor]) -> Iterat
                 yield ConfigProblem(("factors", factor.name), text)
 
 
-def _factor(name: str, values: Steps | tuple[Any, ...], schema: type[BaseModel]) -> Factor:
+def _factor(name: str, values: Steps | tuple[Any, ...], sections: Collection[str]) -> Factor:
     listed: tuple[Any, ...] = values if isinstance(values, tuple) else values.values
-    if is_key(name, schema):
+    if _is_key(name, sections):
         return Factor(name, tuple(Choice(label_of(value), {name: value}) for value in listed))
     choices = (Choice(label_of(v["name"]), {k: x for k, x in v.items() if k != "name"}) for v in listed)
     return Factor(name, tuple(choices))
@@ -145,15 +154,17 @@ def setups_of(
     setups: list[Setup] = []
     refused: dict[tuple[KeyPath, str], list[Level]] = {}
     for level in levels:
-        try:
-            document = changed(data | {SETTINGS: section.search or {}}, {**section.set, **level.changes})
-        except ValueError as error:
-            refused.setdefault(((), str(error)), []).append(level)
-            continue
+        document, problems = data | {SETTINGS: section.search or {}}, []
+        for key, value in {**section.set, **level.changes}.items():
+            path = key_path(key)
+            try:
+                document = with_value(document, path, value)
+            except ValueError as error:
+                problems.append(ConfigProblem(path, str(error)))
         chosen = document.pop(SETTINGS)
-        config, problems = validate(document, check_config)
+        config, wrong = validate(document, check_config)
         settings, more = _settings(kind, chosen)
-        problems += more
+        problems += [*wrong, *more]
         if config is not None and not problems:
             scenario = build(config)
             if (why := kind.unsupported(scenario)) is not None:
@@ -182,7 +193,8 @@ def _refusal(path: KeyPath, text: str, levels: Sequence[Level]) -> str:
     n_more = len(levels) - 1
     more = f" (and {n_more} more level{'s' if n_more > 1 else ''})" if n_more else ""
     key = f"{dotted(path)}: " if path else ""
-    return f"the level {levels[0]} is refused{more}: {key}{text}"
+    level = f"the level {levels[0]}" if levels[0].values else str(levels[0])
+    return f"{level} is refused{more}: {key}{text}"
 
 
 def _cause(path: KeyPath, level: Level, factors: Sequence[Factor], section: ExperimentFile) -> KeyPath:

@@ -6,13 +6,11 @@ import itertools
 import json
 import operator
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, get_args, get_origin
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import msgspec
-from pydantic import BaseModel
 
-from swarmctl.config.model import models_in
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.operator_text import did_you_mean
 
@@ -130,78 +128,31 @@ def key_path(key: str) -> KeyPath:
     return path
 
 
-def is_key(key: str, schema: type[BaseModel]) -> bool:
-    """Return whether a schema has a dotted key."""
-    try:
-        path = key_path(key)
-    except ValueError:
-        return False
-    models = [schema]
-    annotations: list[Any] = [schema]
-    for part in path:
-        if isinstance(part, int):
-            continue
-        if any(get_origin(a) is dict for annotation in annotations for a in _alternatives(annotation)):
-            return True
-        annotations = [m.model_fields[part].annotation for m in models if part in m.model_fields]
-        if not annotations:
-            return False
-        models = [model for annotation in annotations for model in models_in(annotation)]
-    return True
-
-
-def require_key(key: str, schema: type[BaseModel]) -> None:
-    """Raise ValueError, with a suggestion, unless a schema has a dotted key."""
-    if not is_key(key, schema):
-        known = sorted(set(_keys_below(schema, "", ())))
-        raise ValueError(f"{key!r} is no key of the configuration; {suggestion(key, known)}")
-
-
-def _keys_below(model: type[BaseModel], prefix: str, above: tuple[type[BaseModel], ...]) -> Iterator[str]:
-    for name, field in model.model_fields.items():
-        yield f"{prefix}{name}"
-        for inner in models_in(field.annotation):
-            if inner not in above:
-                yield from _keys_below(inner, f"{prefix}{name}.", (*above, inner))
-
-
-def _alternatives(annotation: Any) -> Iterator[Any]:
-    yield annotation
-    for part in get_args(annotation):
-        yield from _alternatives(part)
-
-
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return the advice for a word that is none of the known ones."""
     known = list(known)
-    ends_so = [key for key in known if key.rsplit(".", 1)[-1] == word.rsplit(".", 1)[-1]]
-    hint = did_you_mean(word, known, cutoff=0.8)  # above the similarity of keys with a common section
-    hint = hint or did_you_mean(word, ends_so[:1], cutoff=0.0)  # `simulate.count` for `count`
-    if hint:
+    if hint := did_you_mean(word, known):
         return hint
     if len(known) <= 12:
         return f"expected {' or '.join(known)}"
     return "the page reference/configuration.md and `swarmctl schema` have all keys"
 
 
-def changed(data: Any, changes: Mapping[str, Any]) -> Any:
-    """Return the data of a configuration with the values of dotted keys. Raises ValueError."""
-    for key, value in changes.items():
-        data = _with_value(data, key_path(key), value, key)
-    return data
+def with_value(data: Any, path: KeyPath, value: Any) -> Any:
+    """Return the data of a configuration with another value of a key.
 
-
-def _with_value(data: Any, path: KeyPath, value: Any, key: str) -> Any:
+    Raises ValueError if the data have no section or list there.
+    """
     if not path:
         return value
     part, rest = path[0], path[1:]
     if isinstance(part, int):
         if not isinstance(data, tuple) or part >= len(data):
-            raise ValueError(f"{key}: the base configuration has no item [{part}] there")
-        return (*data[:part], _with_value(data[part], rest, value, key), *data[part + 1 :])
+            raise ValueError(f"the base configuration has no item [{part}] there")
+        return (*data[:part], with_value(data[part], rest, value), *data[part + 1 :])
     if data is None:
         data = {}
     if not isinstance(data, dict):
-        text = f"{key}: the base configuration has {data!r} instead of a section"
+        text = f"the base configuration has {data!r} instead of a section"
         raise ValueError(text)  # noqa: TRY004 - the file is wrong, not the program
-    return data | {part: _with_value(data.get(part), rest, value, key)}
+    return data | {part: with_value(data.get(part), rest, value)}
