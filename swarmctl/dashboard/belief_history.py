@@ -54,12 +54,6 @@ class BeliefHistory:
         """number of cells up to and with each item"""
         self._cells, self._looks, self._hits = array("i"), array("i"), array("i")
         self._own = bytearray()
-        self._seen_cells: set[int] = set()
-        self._hit_cells: set[int] = set()
-        self._n_known, self._n_hit = array("i"), array("i")
-        """number of different cells after each item: all, and those with a hit"""
-        self._counts_hits = prior.sensor.is_perfect and prior.count.is_number
-        """True if each cell with a hit is a hostile (Eq. 4), so that no belief is needed for their number"""
         self._cache: BeliefAt | None = None
 
     def learn(self, time_s: float, items: Iterable[BeliefItem]) -> None:
@@ -78,16 +72,10 @@ class BeliefHistory:
             self._newest = after
             self.times_s.append(time_s)
             self._ends.append(len(self._cells))
-            self._n_known.append(len(self._seen_cells))
-            self._n_hit.append(len(self._hit_cells))
 
     def _add(self, item: Observation) -> None:
         for row, col, occupied in item.cells:
-            cell = row * self._cols + col
-            self._add_cell(item.observer, cell, 1, int(occupied))
-            self._seen_cells.add(cell)
-            if occupied:
-                self._hit_cells.add(cell)
+            self._add_cell(item.observer, row * self._cols + col, 1, int(occupied))
 
     def _add_difference(self, after: Belief, observer: int) -> None:
         """Add the cells whose counts a checkpoint changes. Each of its other cells has counts already."""
@@ -95,8 +83,6 @@ class BeliefHistory:
         hits = (after.hits - self._newest.hits).ravel()
         for cell in np.flatnonzero((looks != 0) | (hits != 0)).tolist():
             self._add_cell(observer, cell, int(looks[cell]), int(hits[cell]))
-        self._seen_cells = set(np.flatnonzero(after.looks).tolist())
-        self._hit_cells = set(np.flatnonzero(after.hits).tolist())
 
     def _add_cell(self, observer: int, cell: int, looks: int, hits: int) -> None:
         self._cells.append(cell)
@@ -107,16 +93,6 @@ class BeliefHistory:
     def version(self, time_s: float) -> int:
         """Return the number of items up to a time."""
         return bisect_right(self.times_s, time_s)
-
-    def n_known(self, version: int) -> int:
-        """Return the number of different cells known."""
-        return self._n_known[version - 1] if version else 0
-
-    def n_found(self, version: int) -> int:
-        """Return the number of hostiles found, as `Belief.n_found`; fast for the paper's belief."""
-        if version and self._counts_hits:
-            return self._n_hit[version - 1]
-        return self.belief(version).belief.n_found
 
     def belief(self, version: int) -> BeliefAt:
         """Return the belief after the first `version` items."""

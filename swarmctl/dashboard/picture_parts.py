@@ -114,8 +114,7 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float) -> VehiclePi
     word_s = last_before(facts.word_s, time_s)
     age_s = None if word_s is None else time_s - word_s
     frame, here = timeline.scenario.grid.frame, motion.lat_lon
-    version = facts.beliefs.version(time_s)
-    n_known = facts.beliefs.n_known(version)
+    belief = facts.beliefs.belief(facts.beliefs.version(time_s)).belief
     has_all = timeline.kind != "bus"
     return VehiclePicture(
         facts.name,
@@ -131,8 +130,8 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float) -> VehiclePi
         "" if timeline.kind == "abstract mission" else _link(motion, words, age_s),
         age_s,
         age_s is None or age_s > SILENT_AFTER_S,
-        n_known if has_all else max(words.n_observed, n_known),
-        facts.beliefs.n_found(version) if has_all else words.n_found,
+        belief.n_observed if has_all else max(words.n_observed, belief.n_observed),
+        belief.n_found if has_all else words.n_found,
         words.replans,
         None if motion.strikes is None else round(motion.strikes),
         words.waiting,

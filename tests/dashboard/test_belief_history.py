@@ -42,10 +42,8 @@ def test_a_history_gives_the_belief_of_each_moment(sensor: SensorModel, items: l
         belief = belief.merge((item,))
         moments.append((float(i + 1), belief))
     for time_s, expected in (*moments, *moments[::-3]):
-        version = history.version(time_s)
-        found = history.belief(version)
+        found = history.belief(history.version(time_s))
         assert np.array_equal(found.belief.looks, expected.looks)
         assert np.array_equal(found.belief.hits, expected.hits)
-        assert history.n_known(version) == expected.n_observed
-        assert history.n_found(version) == expected.n_found
+        assert found.belief.n_found == expected.n_found
         assert np.count_nonzero(found.codes & OWN) == expected.n_cells_from(1)
