@@ -4,7 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.image import imread
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from numpy.typing import NDArray
 from profiles import full_only
@@ -122,8 +124,12 @@ def texts_of(axes: Axes) -> list[Text]:
     return [text for text in axes.texts if text.get_text()]
 
 
+def legend_texts(figure: Figure) -> list[Text]:
+    return [text for legend in figure.legends for text in legend.get_texts() if text.get_text()]
+
+
 def legend_of(shown: MapPicture) -> list[str]:
-    return [text.get_text() for key in figure_of(shown).axes[1:] for text in texts_of(key)]
+    return [text.get_text() for text in legend_texts(figure_of(shown))]
 
 
 LONG = "failed: the mission is not accepted after 3 attempts [upload-failed]; returned and landed at home"
@@ -140,9 +146,9 @@ def test_the_legend_lies_outside_the_map_and_nothing_in_it_overlaps_or_is_cut_of
     figure.draw_without_rendering()
     chart, *keys = figure.axes
     map_box = chart.get_window_extent()
-    assert keys
-    boxes = [text.get_window_extent() for key in keys for text in texts_of(key)]
-    boxes += [text.get_window_extent() for text in figure.texts]
+    assert figure.legends
+    texts = [*legend_texts(figure), *figure.texts, *(text for key in keys for text in texts_of(key))]
+    boxes = [text.get_window_extent() for text in texts]
     wide, high = figure.bbox.width, figure.bbox.height
     for index, box in enumerate(boxes):
         assert not box.overlaps(map_box)
@@ -185,7 +191,7 @@ def test_a_cell_wrongly_taken_for_a_hostile_is_outlined_and_in_the_legend() -> N
     known = shown.known.copy()
     known[3, 3] = OCCUPIED
     mistaken = figure_of(replace(shown, known=known))
-    legend = [text.get_text() for key in mistaken.axes[1:] for text in texts_of(key)]
+    legend = [text.get_text() for text in legend_texts(mistaken)]
     before = legend_of(shown)
     assert len(legend) == len(before) + 1
     assert counts_of(legend) == sorted([*counts_of(before), 1])
@@ -207,8 +213,9 @@ def test_a_lost_vehicles_track_ends_with_a_mark_of_its_own() -> None:
     def drawn(*lost: bool) -> tuple[list[bool], list[bool]]:
         """Return of each end mark, in the legend and on the map, whether it is the white one."""
         tracks = [replace(track, is_lost=is_lost) for track, is_lost in zip(shown.tracks, lost, strict=True)]
-        chart, *keys = figure_of(replace(shown, tracks=tracks)).axes
-        legend = [line for key in keys for line in key.lines]
+        figure = figure_of(replace(shown, tracks=tracks))
+        chart = figure.axes[0]
+        legend = [line for each in figure.legends for line in each.findobj(Line2D)]
         return tuple(
             [line.get_markerfacecolor() == "white" for line in lines if line.get_marker() == "s"]
             for lines in (legend, chart.lines)

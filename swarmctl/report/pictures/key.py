@@ -4,51 +4,80 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from swarmctl.core.belief import OCCUPIED, UNKNOWN
 from swarmctl.report.foxglove import colour_of
 from swarmctl.report.pictures.scene import GROUP_EVERY_S, MapPicture, VehicleTrack, shading
 from swarmctl.report.pictures.style import (
+    BADGE_PT,
     FORBIDDEN,
     FOUND,
+    GRID_LINE,
     GROUP_POINT,
+    HATCH,
     INK,
     NEVER_FOUND,
+    OBSERVED,
     STRIKE,
     UNOBSERVED,
-    Hatch,
-    draw_badge,
     flown_widths,
     planned_styles,
-    shaded_square,
 )
 
 MAX_KEY_VEHICLES = 30
 ROW_CHARS = 29
-"""greatest length of a vehicle row's text [characters]"""
+"""greatest length of a line of a row's text [characters]"""
+FONT_PT = 8.5
+LAYOUT: dict[str, Any] = {
+    "handlelength": 2.5, "handleheight": 1.2, "handletextpad": 1.0, "labelspacing": 0.5, "borderpad": 0.0,
+    "borderaxespad": 0.0,
+}  # fmt: skip
+"""lengths in a legend, in units of FONT_PT; a line takes less than `sheet.ROW_IN`"""
 
-KeyRow = Callable[[Axes, float, float], None]
-"""a function that draws one row of the legend at (x, y) [in]"""
+KeyRow = tuple[tuple[Artist, ...], str]
+"""the marks of a row of the legend, drawn over each other, and its text"""
 
 
-def blank_row(_axes: Axes, _x: float, _y: float) -> None:
-    """Draw nothing: an empty row."""
+def text_row(text: str = "") -> KeyRow:
+    """Return a row without marks."""
+    return (Line2D([], [], ls="none"),), text
 
 
-def vehicle_rows(picture: MapPicture) -> list[list[KeyRow]]:
-    """Return the rows of each vehicle; a long outcome takes several rows."""
+def draw_rows(
+    figure: Figure, rows: Sequence[KeyRow], upper_left: tuple[float, float], n_columns: int = 1
+) -> None:
+    """Draw rows as a legend; its corner is a share of the figure's width and height."""
+    marks, texts = zip(*rows, strict=True)
+    figure.legend(
+        marks, texts, loc="upper left", bbox_to_anchor=upper_left, ncols=n_columns, frameon=False,
+        fontsize=FONT_PT, labelcolor=INK, handler_map={tuple: HandlerTuple(ndivide=1)}, **LAYOUT,
+    )  # fmt: skip
+
+
+def n_lines(rows: Sequence[KeyRow]) -> int:
+    """Return the number of lines of text of some rows."""
+    return sum(1 + text.count("\n") for _, text in rows)
+
+
+def vehicle_rows(picture: MapPicture) -> list[KeyRow]:
+    """Return the row of each vehicle; a long outcome takes several lines."""
     widths = flown_widths(len(picture.tracks))
     shown = picture.tracks
     if len(picture.tracks) > MAX_KEY_VEHICLES:
         shown = picture.tracks[: MAX_KEY_VEHICLES - 1]
-    blocks = [_vehicle_block(index, track, widths[index]) for index, track in enumerate(shown)]
+    rows = [_vehicle_row(index, track, widths[index]) for index, track in enumerate(shown)]
     if n_more := len(picture.tracks) - len(shown):
-        blocks.append([_text_row(f"and {n_more} more")])
-    return blocks
+        rows.append(text_row(f"and {n_more} more"))
+    return rows
 
 
 def line_rows(picture: MapPicture) -> list[KeyRow]:
@@ -56,9 +85,7 @@ def line_rows(picture: MapPicture) -> list[KeyRow]:
     if flown := [track for track in picture.tracks if len(track.flown)]:
         rows.append(_line_row("flown", {"lw": 2.2}))
         if len(flown) > 1:
-            rows += [
-                _text_row(text) for text in ("(widths differ so that lines", "that overlap stay visible)")
-            ]
+            rows.append(text_row("(widths differ so that lines\nthat overlap stay visible)"))
         if not all(track.is_lost for track in flown):
             rows.append(_point_row("end of flight", "s", {"ms": 6.5, "mec": "white"}))
         if any(track.is_lost for track in flown):
@@ -66,7 +93,8 @@ def line_rows(picture: MapPicture) -> list[KeyRow]:
             rows.append(_point_row("last known position", "s", style))
     rows += [_line_row(label, style) for label, style in planned_styles(picture).items()]
     if picture.groups:
-        rows.append(_group_row(f"a group, every {GROUP_EVERY_S:g} s"))
+        line = Line2D([], [], color=INK, lw=1.0)
+        rows.append(((line, Line2D([], [], **GROUP_POINT)), f"a group, every {GROUP_EVERY_S:g} s"))
     n_strikes = sum(len(track.strikes) for track in picture.tracks)
     if n_strikes:
         style = {"ms": 9.0, "mfc": STRIKE, "mec": INK, "mew": 0.7}
@@ -82,72 +110,36 @@ def cell_rows(picture: MapPicture) -> list[KeyRow]:
     n_mistaken = int((~hostile & occupied).sum())
     n_unseen, n_seen = int(unseen.sum()), int((~unseen).sum())
     missed = {"facecolor": NEVER_FOUND, "edgecolor": FOUND, "ls": (0, (2, 1.5))}
-    rows = {
-        _cell_row("goal", {"edgecolor": INK, "lw": 2.0}): True,
-        _cell_row("no-fly", {"edgecolor": FORBIDDEN, "lw": 1.2}, "crossed"): bool(picture.no_fly),
-        _cell_row(f"hostile, found ({n_found})", {"facecolor": FOUND}): n_found > 0,
-        _cell_row(f"hostile, not found ({n_missed})", missed): n_missed > 0,
-        _cell_row(f"false alarm believed ({n_mistaken})", {"edgecolor": FOUND, "lw": 1.6}): n_mistaken > 0,
-        _cell_row("next to a hostile (N1)", {}, "level"): n1.any(),
-        _cell_row("diagonal to a hostile (N2)", {}, "upright"): n2.any(),
-        _cell_row(f"seen ({n_seen} cells)", {}): n_seen > 0,
-        _cell_row(f"never seen ({n_unseen} cells)", {"facecolor": UNOBSERVED}): n_unseen > 0,
-    }
-    return [row for row, is_there in rows.items() if is_there]
+    rows: tuple[tuple[bool, str, dict[str, Any]], ...] = (
+        (True, "goal", {"edgecolor": INK, "lw": 2.0}),
+        (bool(picture.no_fly), "no-fly", {"edgecolor": FORBIDDEN, "lw": 1.2, "hatch": "xx"}),
+        (n_found > 0, f"hostile, found ({n_found})", {"facecolor": FOUND}),
+        (n_missed > 0, f"hostile, not found ({n_missed})", missed),
+        (n_mistaken > 0, f"false alarm believed ({n_mistaken})", {"edgecolor": FOUND, "lw": 1.6}),
+        (bool(n1.any()), "next to a hostile (N1)", {"edgecolor": HATCH, "hatch": "----"}),
+        (bool(n2.any()), "diagonal to a hostile (N2)", {"edgecolor": HATCH, "hatch": "||||"}),
+        (n_seen > 0, f"seen ({n_seen} cells)", {}),
+        (n_unseen > 0, f"never seen ({n_unseen} cells)", {"facecolor": UNOBSERVED}),
+    )
+    plain = {"facecolor": OBSERVED, "edgecolor": GRID_LINE, "lw": 0.8}
+    return [((Patch(**{**plain, **style}),), text) for is_there, text, style in rows if is_there]
 
 
-def _text(axes: Axes, x: float, y: float, text: str) -> None:
-    axes.text(x + 0.42, y, text, fontsize=8.5, color=INK, va="center")
-
-
-def _vehicle_block(index: int, track: VehicleTrack, width: float) -> list[KeyRow]:
-    """Return the rows of a vehicle; the first row has the vehicle's line, as wide as on the map."""
-    first, *more = textwrap.wrap(f"{track.name}   {track.outcome}", ROW_CHARS)
-
-    def draw(axes: Axes, x: float, y: float) -> None:
-        axes.plot([x, x + 0.3], [y, y], color=colour_of(index), lw=width)
-        draw_badge(axes, x + 0.15, y, index)
-        _text(axes, x, y, first)
-
-    return [draw, *map(_text_row, more)]
-
-
-def _text_row(text: str) -> KeyRow:
-    return lambda axes, x, y: _text(axes, x, y, text)
+def _vehicle_row(index: int, track: VehicleTrack, width: float) -> KeyRow:
+    """Return the row of a vehicle, with its line as wide as on the map, and its numbered disc."""
+    colour = colour_of(index)
+    line = Line2D([], [], color=colour, lw=width)
+    disc = Line2D([], [], marker="o", ls="none", ms=BADGE_PT - 1.0, mfc=colour, mec="white", mew=0.9)
+    number = Line2D([], [], marker=f"$\\mathbf{{{index + 1}}}$", ls="none", ms=5.2, mfc="white", mew=0.0)
+    return (line, disc, number), textwrap.fill(f"{track.name}   {track.outcome}", ROW_CHARS)
 
 
 def _line_row(text: str, style: dict[str, Any]) -> KeyRow:
-    def draw(axes: Axes, x: float, y: float) -> None:
-        axes.plot([x, x + 0.3], [y, y], color=INK, **style)
-        _text(axes, x, y, text)
-
-    return draw
-
-
-def _group_row(text: str) -> KeyRow:
-    def draw(axes: Axes, x: float, y: float) -> None:
-        xs, ys = [x + 0.03, x + 0.15, x + 0.27], [y + 0.05, y - 0.05, y + 0.05]
-        axes.plot(xs, ys, color=INK, lw=1.0)
-        axes.plot(xs, ys, **GROUP_POINT)
-        _text(axes, x, y, text)
-
-    return draw
+    return (Line2D([], [], **{"color": INK, **style}),), text
 
 
 def _point_row(text: str, marker: str, style: dict[str, Any]) -> KeyRow:
-    def draw(axes: Axes, x: float, y: float) -> None:
-        axes.plot(x + 0.15, y, marker, **{"mfc": INK, **style})
-        _text(axes, x, y, text)
-
-    return draw
-
-
-def _cell_row(text: str, style: dict[str, Any], hatch: Hatch | None = None) -> KeyRow:
-    def draw(axes: Axes, x: float, y: float) -> None:
-        shaded_square(axes, x + 0.07, y - 0.08, 0.16, hatch, **style)
-        _text(axes, x, y, text)
-
-    return draw
+    return (Line2D([], [], marker=marker, ls="none", **{"mfc": INK, **style}),), text
 
 
 def draw_north_and_scale(axes: Axes, bottom_in: float, inch_per_m: float) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,12 @@ from matplotlib.figure import Figure
 from swarmctl.report.pictures.chart import draw_area, draw_scales, draw_tracks
 from swarmctl.report.pictures.key import (
     KeyRow,
-    blank_row,
     cell_rows,
     draw_north_and_scale,
+    draw_rows,
     line_rows,
+    n_lines,
+    text_row,
     vehicle_rows,
 )
 from swarmctl.report.pictures.scene import MapPicture, view_of
@@ -29,6 +30,7 @@ MAP_WIDTH_IN, MAP_HEIGHT_IN = 5.55, 7.5
 KEY_WIDTH_IN = 2.35
 LEFT_IN, TOP_IN, BOTTOM_IN, GAP_IN = 0.62, 0.86, 0.58, 0.36
 ROW_IN = 0.205
+"""greatest height of a line of the legend"""
 FOOT_IN = 0.8
 """height of the legend's foot: a gap, the north arrow and the scale bar"""
 BELOW_COLUMNS = 2
@@ -51,9 +53,9 @@ def figure_of(picture: MapPicture) -> Figure:
     inch_per_m = min(MAP_WIDTH_IN / (east - west), MAP_HEIGHT_IN / (north - south))
     map_wide_in, map_high_in = (east - west) * inch_per_m, (north - south) * inch_per_m
     beside, below = _beside_and_below(picture, map_high_in)
-    beside_in = max(len(beside) * ROW_IN + FOOT_IN, map_high_in)
-    columns = _columns(below)
-    below_in = max(map(len, columns)) * ROW_IN
+    beside_in = max(n_lines(beside) * ROW_IN + FOOT_IN, map_high_in)
+    in_column = -(-len(below) // BELOW_COLUMNS)
+    below_in = max(n_lines(below[:in_column]), n_lines(below[in_column:])) * ROW_IN
     sheet = Sheet(TOP_IN + max(beside_in, map_high_in + BOTTOM_IN + below_in) + 0.15)
 
     axes = sheet.axes_at(LEFT_IN, TOP_IN, map_wide_in, map_high_in)
@@ -62,42 +64,25 @@ def figure_of(picture: MapPicture) -> Figure:
     draw_tracks(axes, picture, 72.0 * inch_per_m)
     draw_scales(axes, picture.grid)
 
-    key = sheet.key_at(LEFT_IN + map_wide_in + GAP_IN, TOP_IN, KEY_WIDTH_IN, beside_in)
-    _draw_rows(key, beside, 0.0)
+    key_left_in = LEFT_IN + map_wide_in + GAP_IN
+    draw_rows(sheet.figure, beside, sheet.share_at(key_left_in, TOP_IN))
+    key = sheet.key_at(key_left_in, TOP_IN, KEY_WIDTH_IN, beside_in)
     draw_north_and_scale(key, beside_in, inch_per_m)
     if below:
-        key = sheet.key_at(LEFT_IN, TOP_IN + map_high_in + BOTTOM_IN, MAP_WIDTH_IN, below_in)
-        for index, rows in enumerate(columns):
-            _draw_rows(key, rows, index * MAP_WIDTH_IN / BELOW_COLUMNS)
+        place = sheet.share_at(LEFT_IN, TOP_IN + map_high_in + BOTTOM_IN)
+        draw_rows(sheet.figure, below, place, BELOW_COLUMNS)
     sheet.write(0.12, picture.title, fontsize=14, fontweight="bold", color=INK)
     sheet.write(0.42, picture.subtitle, fontsize=9.5, color=QUIET)
     return sheet.figure
 
 
-def _beside_and_below(picture: MapPicture, map_high_in: float) -> tuple[Sequence[KeyRow], list[list[KeyRow]]]:
-    """Return the legend's rows beside the map and, if not all rows fit, the vehicles' blocks below it."""
-    blocks, symbols = vehicle_rows(picture), [*line_rows(picture), blank_row, *cell_rows(picture)]
-    vehicles = [row for block in blocks for row in block]
-    if (len(vehicles) + 1 + len(symbols)) * ROW_IN + FOOT_IN <= map_high_in:
-        return [*vehicles, blank_row, *symbols], []
-    return symbols, blocks
-
-
-def _columns(blocks: list[list[KeyRow]]) -> list[list[KeyRow]]:
-    """Divide blocks of rows into BELOW_COLUMNS columns of about equal length."""
-    n_rows = -(-sum(map(len, blocks)) // BELOW_COLUMNS)
-    columns: list[list[KeyRow]] = [[] for _ in range(BELOW_COLUMNS)]
-    index = 0
-    for block in blocks:
-        if len(columns[index]) >= n_rows:
-            index += 1
-        columns[index] += block
-    return columns
-
-
-def _draw_rows(key: Axes, rows: Sequence[KeyRow], left_in: float) -> None:
-    for index, draw_row in enumerate(rows):
-        draw_row(key, left_in, (index + 0.5) * ROW_IN)
+def _beside_and_below(picture: MapPicture, map_high_in: float) -> tuple[list[KeyRow], list[KeyRow]]:
+    """Return the legend's rows beside the map and, if not all rows fit, those of the vehicles below it."""
+    vehicles, symbols = vehicle_rows(picture), [*line_rows(picture), text_row(), *cell_rows(picture)]
+    beside = [*vehicles, text_row(), *symbols]
+    if n_lines(beside) * ROW_IN + FOOT_IN <= map_high_in:
+        return beside, []
+    return symbols, vehicles
 
 
 class Sheet:
@@ -113,6 +98,10 @@ class Sheet:
         return self.figure.add_axes(
             (left_in / WIDTH_IN, bottom_in / self._high_in, wide_in / WIDTH_IN, high_in / self._high_in)
         )
+
+    def share_at(self, left_in: float, top_in: float) -> tuple[float, float]:
+        """Return a place as shares of the figure's width and height, from its lower left corner."""
+        return left_in / WIDTH_IN, 1.0 - top_in / self._high_in
 
     def key_at(self, left_in: float, top_in: float, wide_in: float, high_in: float) -> Axes:
         """Return axes without a frame, with coordinates in inches."""

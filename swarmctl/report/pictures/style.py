@@ -6,8 +6,6 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from swarmctl.report.foxglove import colour_of
@@ -60,18 +58,6 @@ def hatch_lines(hatch: Hatch, n: int = 4) -> NDArray[np.float64]:
         return np.array([[[0.0, 0.0], [1.0, 1.0]], [[0.0, 1.0], [1.0, 0.0]]])
     along, across = np.meshgrid(ends, offsets)
     return np.stack([along, across] if hatch == "level" else [across, along], axis=-1)
-
-
-def shaded_square(
-    axes: Axes, left: float, low: float, side: float, hatch: Hatch | None = None, **style: Any
-) -> None:
-    """Draw a cell of a legend, shaded as on the map."""
-    edge = {"facecolor": OBSERVED, "edgecolor": GRID_LINE, "lw": 0.8, **style}
-    axes.add_patch(Rectangle((left, low), side, side, **edge))
-    if hatch is not None:
-        lines = hatch_lines(hatch) * side + (left, low)
-        colour, width = (FORBIDDEN, 1.2) if hatch == "crossed" else (HATCH, 0.7)
-        axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=width))
 
 
 def draw_badge(axes: Axes, x: float, y: float, index: int) -> None:
