@@ -91,10 +91,10 @@ def study_of(factors: dict[str, list[Any]], n_worlds: int = 12) -> Study:
     return Study(table, factors, measures, (20, 20), *made_up_study.tracks(table))
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_letters_stay_on_the_page_and_apart(name: str) -> None:
+@pytest.mark.parametrize(("name", "n_worlds"), [*((name, 12) for name in CASES), ("tradeoff", 1000)])
+def test_letters_stay_on_the_page_and_apart(name: str, n_worlds: int) -> None:
     factors, entry = CASES[name]
-    study = study_of(factors)
+    study = study_of(factors, n_worlds)
     spec = validate(entry, factors, study.measures)
     with print_style():
         figure = draw(study, spec)

@@ -52,6 +52,9 @@ def draw(study: Study, spec: Tradeoff) -> Figure:
         set_unit(panel.axes.xaxis, spec.x)
         set_unit(panel.axes.yaxis, panel.measure)
         from_zero(panel.axes, *limits(y))
+        if spec.along is not None:
+            low, high = panel.axes.get_ylim()
+            panel.axes.set_ylim(low, high + 0.1 * (high - low))  # room for the names of points
         panel.axes.margins(x=0.14)
     name_values(figure, spec.by, study.shown(spec, spec.by))
     return figure
