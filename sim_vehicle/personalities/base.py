@@ -89,7 +89,7 @@ class TelemetryRules:
 
 @dataclass(frozen=True, slots=True)
 class MissionRules:
-    """The mission, its transfer and its landing: `transfer`, `modes`, `failsafe`."""
+    """The mission, its transfer and its landing: `autopilot`, `modes`, `failsafe`."""
 
     make: Callable[[Vehicle], Mission]
     transfer: Callable[[Vehicle], Any]  # the vehicle's side of the mission protocol

@@ -1,8 +1,8 @@
-"""The stored mission and its execution: index, jumps, delays. `transfer` has the upload protocol.
+"""The stored mission and its execution: index, jumps, delays. A personality's `transfer` has the upload.
 
 `Mission` executes as ArduPilot does. A *navigation* command is current until the vehicle completes the
 command. The *do* and *condition* commands between two navigation commands run in order during the second
-navigation command. `mission_px4` has PX4's execution.
+navigation command. `personalities.px4.mission` has PX4's execution.
 """
 
 from collections.abc import Callable, Sequence

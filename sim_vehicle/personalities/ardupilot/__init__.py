@@ -14,6 +14,8 @@ from sim_vehicle.personalities.ardupilot.receivers import RECEIVERS
 from sim_vehicle.personalities.ardupilot.remote import Remote, stick_refusals
 from sim_vehicle.personalities.ardupilot.setpoints import read_setpoint
 from sim_vehicle.personalities.ardupilot.storage import storage
+from sim_vehicle.personalities.ardupilot.stores import FenceStore, MissionStore, RallyStore
+from sim_vehicle.personalities.ardupilot.transfer import ArduPilotTransfer
 from sim_vehicle.personalities.base import (
     ArmingRules,
     CommandRules,
@@ -31,8 +33,6 @@ from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.one_shot_messages import ONE_SHOT_MESSAGES
 from sim_vehicle.vehicle.params import ParameterTable
-from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer
-from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
 
 MAX_MISSION_ITEMS = 650
 LOOKAHEAD_COMMANDS = 3  # a change of one of 3 navigation commands, from the current on, restarts the current

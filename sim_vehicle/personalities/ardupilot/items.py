@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.personalities.ardupilot.stores import MAX_LATITUDE_E7, MAX_LONGITUDE_E7, STORED_FRAME
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.params import as_float32
-from sim_vehicle.vehicle.transfer.stores import MAX_LATITUDE_E7, MAX_LONGITUDE_E7, STORED_FRAME
 
 # A mission also accepts frame MISSION, unlike a fence and rally points.
 _MISSION_FRAME = STORED_FRAME | {mavlink.MAV_FRAME_MISSION: mavlink.MAV_FRAME_GLOBAL}

@@ -13,12 +13,12 @@ from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.files.packed_files import Parameter, UploadedMission
 from sim_vehicle.files.vehicle_files import ardupilot_files
 from sim_vehicle.personalities.ardupilot.parameters import TOTALS
+from sim_vehicle.personalities.ardupilot.stores import Store
+from sim_vehicle.personalities.ardupilot.transfer import ArduPilotTransfer
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.mission_messages import MISSION, item_from_message, item_message
 from sim_vehicle.vehicle.storage import Storage
-from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer
-from sim_vehicle.vehicle.transfer.stores import Store
-from sim_vehicle.vehicle.transfer.wire import MISSION, item_from_message, item_message
 
 _NO_PEER = (0, 0)  # target of the items in a file
 

@@ -23,19 +23,19 @@ from sim_vehicle.personalities.px4 import flight_parameters, parameters, storage
 from sim_vehicle.personalities.px4.commands import COMMANDS
 from sim_vehicle.personalities.px4.items import store_item
 from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, ONE_SHOT_MESSAGES, targets
+from sim_vehicle.personalities.px4.mission import Px4Mission
 from sim_vehicle.personalities.px4.mission_landing import return_by_mission
 from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION
 from sim_vehicle.personalities.px4.readiness import feasible, refusals
 from sim_vehicle.personalities.px4.receivers import RECEIVERS
 from sim_vehicle.personalities.px4.remote import Remote, stick_refusals
 from sim_vehicle.personalities.px4.setpoints import read_setpoint
+from sim_vehicle.personalities.px4.transfer import Px4Transfer
 from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item
-from sim_vehicle.vehicle.mission_px4 import Px4Mission
 from sim_vehicle.vehicle.params import ParameterTable
-from sim_vehicle.vehicle.transfer.px4 import Px4Transfer
 from sim_vehicle.wire.telemetry import ARDUPILOT_ONLY
 
 MAX_MISSION_ITEMS = 6000

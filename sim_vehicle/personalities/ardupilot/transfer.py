@@ -13,11 +13,11 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
+from sim_vehicle.personalities.ardupilot.stores import Store
 from sim_vehicle.vehicle.command import sender_of
 from sim_vehicle.vehicle.injected_faults import MissionRefusal
 from sim_vehicle.vehicle.mission import Item
-from sim_vehicle.vehicle.transfer.stores import Store
-from sim_vehicle.vehicle.transfer.wire import (
+from sim_vehicle.vehicle.mission_messages import (
     MISSION,
     MissionPeer,
     ack_message,

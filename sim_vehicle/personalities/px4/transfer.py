@@ -21,7 +21,7 @@ from sim_vehicle.vehicle.fence import CIRCLES, POLYGONS, Fence
 from sim_vehicle.vehicle.home_and_rally import Rally
 from sim_vehicle.vehicle.injected_faults import MissionRefusal
 from sim_vehicle.vehicle.mission import Item, Mission
-from sim_vehicle.vehicle.transfer.wire import (
+from sim_vehicle.vehicle.mission_messages import (
     ALL,
     FENCE,
     MISSION,
