@@ -91,10 +91,12 @@ class TelemetryRules:
 class MissionRules:
     """The mission, its transfer and its landing: `autopilot`, `modes`, `failsafe`."""
 
-    make: Callable[[Vehicle], Mission]
+    make: type[Mission]
     transfer: Callable[[Vehicle], Any]  # the vehicle's side of the mission protocol
     store_item: Callable[[Item], Item | int]  # stored item, or MAV_MISSION_RESULT
     home_item: bool  # item 0 of a mission is home
+    # a landing does not end the mission, and disarming in the mission keeps the index
+    stays_landed: bool = False
     ends_in: Behaviour | None = None  # behaviour after a mission that ends in the air
     # starts the landing of the mission, returns False if impossible; None: the autopilot has a mode for it
     start_landing: Callable[[Vehicle, float], bool] | None = None

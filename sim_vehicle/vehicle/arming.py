@@ -89,7 +89,7 @@ class Arming:
         vehicle = self._vehicle
         vehicle.flight.cleared_for_takeoff = False
         vehicle.body.arm(False)
-        if not (vehicle.mission.stays_landed and vehicle.mode.behaviour is Behaviour.MISSION):
+        if not (vehicle.personality.mission.stays_landed and vehicle.mode.behaviour is Behaviour.MISSION):
             vehicle.mission.reset()
         counter = self._rules.flight_counter
         if counter is not None:

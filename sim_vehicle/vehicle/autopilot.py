@@ -333,11 +333,6 @@ class Autopilot:
     def armed(self) -> bool:
         return self.body.armed
 
-    # -- mission ------------------------------------------------------------------------------------------
-
-    def set_current(self, index: int) -> bool:
-        return self.mission.set_current(self.flight.pilot, index)
-
     @property
     def flies_mission(self) -> bool:
         return self.mode.behaviour is Behaviour.MISSION and self.mission.state is MissionState.ACTIVE

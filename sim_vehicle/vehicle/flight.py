@@ -132,7 +132,7 @@ class Flight:
         self.apply_limits()
         self.body.face(None)
         if mode.behaviour is Behaviour.MISSION:
-            self.mission.start_or_resume(self.pilot, restart=self.flight_parameters.mission.restarts)
+            self.mission.start_or_resume(restart=self.flight_parameters.mission.restarts)
         elif self.flying:
             self.body.stop()
             if mode.behaviour is Behaviour.LAND:
@@ -158,7 +158,7 @@ class Flight:
         elif math.isinf(self.ground_since_s) and self.ground_since_s > 0:
             self.ground_since_s = now
         if self.behaviour is Behaviour.MISSION:
-            self.mission.update(self.pilot, now)
+            self.mission.update(now)
         elif self.armed:
             self._run_without_mission(now)
         by_mission = isinstance(self.manoeuvre, ReturnByMission) and self.manoeuvre.landing
@@ -240,7 +240,7 @@ class Flight:
     def resume(self) -> bool:
         """Continue for MAV_CMD_DO_PAUSE_CONTINUE; return False if the mode or mission cannot continue."""
         if self.behaviour is Behaviour.MISSION and self.mission.paused:
-            return self.mission.resume(self.pilot)
+            return self.mission.resume()
         if self.behaviour is Behaviour.GUIDED and self.guided_target_m is not None and self.body.airborne:
             self.go(self.guided_target_m)
         return self.behaviour in (Behaviour.MISSION, Behaviour.GUIDED)

@@ -5,15 +5,19 @@ command. The *do* and *condition* commands between two navigation commands run i
 navigation command. `personalities.px4.mission` has PX4's execution.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import distance_m
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.numbers import finite, to_int
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.mission_pilot import MissionPilot
 
 NAVIGATION = frozenset(
     {
@@ -72,57 +76,31 @@ class Item:
         return (self.x * 1e-7, self.y * 1e-7) if self.x or self.y else None
 
 
-class Pilot(Protocol):
-    """Interface of the vehicle for its mission."""
-
-    @property
-    def armed(self) -> bool: ...
-
-    def start_navigation(self, item: Item, following: Item | None) -> None:
-        """Begin a navigation command; `following` is the next navigation command, if known."""
-
-    def navigation_done(self, now: float) -> bool:
-        """Return True once the current navigation command (`Mission.current_item`) is done."""
-        ...
-
-    def do(self, item: Item) -> None:
-        """Carry out a do command, or begin the turn of CONDITION_YAW."""
-
-    def condition_met(self, item: Item) -> bool:
-        """Return True once CONDITION_DISTANCE (param1 [m] from the target) or CONDITION_YAW is met."""
-        ...
-
-    def mission_item_started(self, index: int, item: Item) -> None: ...
-
-    def mission_item_reached(self, index: int, item: Item) -> None: ...
-
-    def mission_ended(self) -> None:
-        """React to the end of the mission."""
-
-    def no_mission(self) -> None:
-        """React to the mission mode if no mission can be flown (PX4)."""
-
-
-@dataclass
 class Mission:
-    """Items (item 0 is home, read from `home`), the current index, and progress.
+    """The mission of one vehicle: items (item 0 is home), the current index, and progress.
 
     Deletion of the current item by `cut` changes neither the flight to its position nor `index`.
     """
 
-    home: Callable[[], Item]
-    index: int = 0  # index of the current navigation command; 0: none
-    current_item: Item | None = None  # current navigation command, kept if the item changes or is deleted
-    state: MissionState = MissionState.NOT_STARTED
-    paused: bool = False
-    without_approach: bool = False  # the vehicle did not fly the item before the current item
-    climbs_first: bool = False  # before the first navigation command the vehicle climbs in place, if needed
-    stays_landed: bool = False  # a landing does not end the mission; disarming in the mission keeps the index
-    in_landing: bool = False  # the mission is in a landing sequence
-    _items: list[Item] = field(default_factory=list)
-    _jumps: dict[int, int] = field(default_factory=dict)  # repetitions by index of the DO_JUMP
-    _pending: list[int] = field(default_factory=list)  # indices of the do and condition commands still to run
-    _command_begun_s: float | None = None  # start of the do or condition command that runs; None: not begun
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self.index = 0  # index of the current navigation command; 0: none
+        # current navigation command, kept if the item changes or is deleted
+        self.current_item: Item | None = None
+        self.state = MissionState.NOT_STARTED
+        self.paused = False
+        self.without_approach = False  # the vehicle did not fly the item before the current item
+        self.climbs_first = False  # before the first navigation command the vehicle climbs in place
+        self.in_landing = False  # the mission is in a landing sequence
+        self._items: list[Item] = []
+        self._jumps: dict[int, int] = {}  # repetitions by index of the DO_JUMP
+        self._pending: list[int] = []  # indices of the do and condition commands still to run
+        # start of the do or condition command that runs; None: not begun
+        self._command_begun_s: float | None = None
+
+    @property
+    def _pilot(self) -> "MissionPilot":
+        return self._vehicle.flight.pilot
 
     @property
     def items(self) -> Sequence[Item]:
@@ -148,7 +126,7 @@ class Mission:
         return bool(self._pending)
 
     def item(self, index: int) -> Item:
-        return self.home() if index == 0 else self.items[index]
+        return self._vehicle.home_and_rally.home_item() if index == 0 else self.items[index]
 
     # -- changes ------------------------------------------------------------------------------------------
 
@@ -244,17 +222,17 @@ class Mission:
         """True if the next start is at the first item."""
         return self.state is MissionState.COMPLETE or not 1 <= self.index < self.count
 
-    def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
+    def start_or_resume(self, *, restart: bool = False) -> None:
         """Continue with the current command; start at the first command if `restart` or `_starts_over`."""
         if restart or self._starts_over:
             self.in_landing = False
             self._jumps.clear()
-            self._advance(pilot, 1)
+            self._advance(1)
         elif self.items[self.index].command in NAVIGATION:
             self.state, self._command_begun_s = MissionState.ACTIVE, None
-            self._start(pilot, self.index)  # pending commands stay pending
+            self._start(self.index)  # pending commands stay pending
         else:
-            self._advance(pilot, self.index)  # the changed list has no navigation command here
+            self._advance(self.index)  # the changed list has no navigation command here
 
     def pause(self) -> bool:
         """Pause the mission; return False if no mission is active."""
@@ -263,11 +241,11 @@ class Mission:
         self.paused = True
         return True
 
-    def resume(self, pilot: Pilot) -> bool:
+    def resume(self) -> bool:
         """Continue after a pause; return False if no command can continue."""
         self.paused = False
-        if not self.restart_current(pilot) and self.current_item is not None:
-            pilot.start_navigation(self.current_item, None)  # the item was deleted or replaced
+        if not self.restart_current() and self.current_item is not None:
+            self._pilot.start_navigation(self.current_item, None)  # the item was deleted or replaced
         return self.current_item is not None
 
     def next_navigation(self, count: int) -> list[int]:
@@ -307,7 +285,7 @@ class Mission:
         """Reset the repetition counts of the jumps."""
         self._jumps.clear()
 
-    def set_current(self, pilot: Pilot, index: int) -> bool:
+    def set_current(self, index: int) -> bool:
         """Make an item current (0: the first); return False if the list has no such item.
 
         An active mission continues with the item at once. An inactive mission begins there at its next start,
@@ -319,7 +297,7 @@ class Mission:
         if index >= self.count:
             return False
         if self.state is MissionState.ACTIVE:
-            self._advance(pilot, index)
+            self._advance(index)
             return True
         pending: list[int] = []
         found = self._find_navigation(index, {}, pending)
@@ -329,7 +307,7 @@ class Mission:
         self.state = MissionState.PAUSED
         return True
 
-    def restart_current(self, pilot: Pilot) -> bool:
+    def restart_current(self) -> bool:
         """Restart the current command now, or at the end of a pause; return False if it cannot restart."""
         if self.state is not MissionState.ACTIVE or not 1 <= self.index < self.count:
             return False
@@ -338,19 +316,19 @@ class Mission:
         if self.paused:
             self.current_item = self.items[self.index]
         else:
-            self._start(pilot, self.index)
+            self._start(self.index)
         return True
 
-    def update(self, pilot: Pilot, now: float) -> None:
+    def update(self, now: float) -> None:
         """Advance the mission at `now` [s]; called in the mission mode only."""
         if self.state is not MissionState.ACTIVE or self.paused:
             return
-        self._run_pending(pilot, now)
-        if self.current_item is not None and pilot.navigation_done(now):
-            pilot.mission_item_reached(self.index, self.current_item)
-            self._advance(pilot, self.index + 1)
+        self._run_pending(now)
+        if self.current_item is not None and self._pilot.navigation_done(now):
+            self._pilot.mission_item_reached(self.index, self.current_item)
+            self._advance(self.index + 1)
 
-    def _run_pending(self, pilot: Pilot, now: float) -> None:
+    def _run_pending(self, now: float) -> None:
         for _ in range(MAX_ITEMS_PER_UPDATE):
             if not self._pending or self.state is not MissionState.ACTIVE:
                 return
@@ -359,39 +337,39 @@ class Mission:
             if self._command_begun_s is None:
                 self._command_begun_s = now
                 self.in_landing |= item.command == mavlink.MAV_CMD_DO_LAND_START
-                pilot.mission_item_started(index, item)
-                pilot.do(item)
-            if not self._passed(pilot, item, now - self._command_begun_s):
+                self._pilot.mission_item_started(index, item)
+                self._pilot.do(item)
+            if not self._passed(item, now - self._command_begun_s):
                 return
             self._command_begun_s = None
             self._pending.pop(0)
-            pilot.mission_item_reached(index, item)
+            self._pilot.mission_item_reached(index, item)
 
-    def _passed(self, pilot: Pilot, item: Item, waited_s: float) -> bool:
+    def _passed(self, item: Item, waited_s: float) -> bool:
         if item.command == mavlink.MAV_CMD_CONDITION_DELAY:
             return waited_s >= finite(item.param1)
-        return item.command not in CONDITIONS or pilot.condition_met(item)
+        return item.command not in CONDITIONS or self._pilot.condition_met(item)
 
-    def _advance(self, pilot: Pilot, start: int) -> None:
+    def _advance(self, start: int) -> None:
         self._pending, self._command_begun_s = [], None
         self.paused = False
         found = self._find_navigation(start, self._jumps, self._pending)
         if found is None:
             if self._pending:  # after the last navigation command only the first of the others runs
-                pilot.mission_item_started(self._pending[0], self.items[self._pending[0]])
-                pilot.do(self.items[self._pending[0]])
+                self._pilot.mission_item_started(self._pending[0], self.items[self._pending[0]])
+                self._pilot.do(self.items[self._pending[0]])
                 self._pending.clear()
             self.state, self.in_landing = MissionState.COMPLETE, False
             self.current_item = None
-            pilot.mission_ended()
+            self._pilot.mission_ended()
             return
         self.state = MissionState.ACTIVE
-        self._start(pilot, found)
+        self._start(found)
 
-    def _start(self, pilot: Pilot, index: int) -> None:
+    def _start(self, index: int) -> None:
         self.index, self.current_item, self.paused = index, self.items[index], False
         lands = self.current_item.command in LANDINGS
         self.in_landing = (self.in_landing or lands) and self.current_item.command not in TAKEOFFS
         following = self._find_navigation(index + 1, dict(self._jumps), [])
-        pilot.mission_item_started(index, self.current_item)
-        pilot.start_navigation(self.current_item, None if following is None else self.items[following])
+        self._pilot.mission_item_started(index, self.current_item)
+        self._pilot.start_navigation(self.current_item, None if following is None else self.items[following])

@@ -45,7 +45,7 @@ SHORT_NAMES = {
 
 
 class MissionPilot:
-    """One vehicle's implementation of `mission.Pilot`."""
+    """The flight of one vehicle's mission: `Mission` has the order of the items, this class flies an item."""
 
     def __init__(self, flight: FlightControl) -> None:
         self._flight = flight
@@ -66,10 +66,6 @@ class MissionPilot:
         self.item_reached = NO_ITEM
 
     @property
-    def armed(self) -> bool:
-        return self._flight.armed
-
-    @property
     def busy(self) -> bool:
         """True while a wait, braking or a manoeuvre is in progress."""
         waiting = self._wait_until_s is not None or self._braking or self._climbing
@@ -87,6 +83,7 @@ class MissionPilot:
     # -- navigation commands ------------------------------------------------------------------------------
 
     def start_navigation(self, item: Item, following: Item | None) -> None:
+        """Begin a navigation command; `following` is the next navigation command, if known."""
         flight = self._flight
         interrupted = self._under_way
         self.forget()
@@ -156,9 +153,8 @@ class MissionPilot:
         else:
             flight.body.limit(acceptance_radius_m=self._radius_m(item))
             self._under_way = not flight.taking_off
-            self._braking = (
-                interrupted and self._under_way and flight.flight_parameters.mission.begins_legs_at_rest
-            )
+            from_rest = flight.flight_parameters.mission.begins_legs_at_rest
+            self._braking = interrupted and self._under_way and from_rest
             if self._braking:
                 flight.body.stop()
             else:
@@ -232,6 +228,7 @@ class MissionPilot:
         return min(body.corner_speed_m_s(turn_rad), next_leg_m_s)
 
     def navigation_done(self, now: float) -> bool:
+        """Return True once the current navigation command (`Mission.current_item`) is done."""
         item = self._flight.mission.current_item
         if item is None:
             return False
@@ -278,7 +275,7 @@ class MissionPilot:
     def _landing_done(self, item: Item, now: float) -> bool:
         flight = self._flight
         done = self._manoeuvre.update(now) if self._manoeuvre is not None else flight.landed(now)
-        if item.command in LANDINGS and flight.mission.stays_landed:
+        if item.command in LANDINGS and flight.vehicle.personality.mission.stays_landed:
             return False
         if done and flight.armed and flight.vehicle.personality.arming.landing_disarms:
             # A landing ends the mission. Disarming resets the mission, so the landing item is not reported.
@@ -321,6 +318,7 @@ class MissionPilot:
     # -- do and condition commands ------------------------------------------------------------------------
 
     def do(self, item: Item) -> None:
+        """Carry out a do command, or begin the turn of CONDITION_YAW."""
         flight = self._flight
         if item.command == mavlink.MAV_CMD_DO_CHANGE_SPEED:
             flight.change_speed(to_int(item.param1), item.param2)
@@ -337,6 +335,7 @@ class MissionPilot:
             vehicle.home_and_rally.set_home(place, vehicle.now, locked=True)
 
     def condition_met(self, item: Item) -> bool:
+        """Return True once CONDITION_DISTANCE (param1 [m] from the target) or CONDITION_YAW is met."""
         body = self._flight.body
         if item.command == mavlink.MAV_CMD_CONDITION_DISTANCE:
             east_m, north_m, _ = body.position_m
@@ -362,6 +361,7 @@ class MissionPilot:
         self._leave_mission("mission_ended")
 
     def no_mission(self) -> None:
+        """React to the mission mode if no mission can be flown (PX4)."""
         self._leave_mission("no_mission")
 
     def _leave_mission(self, event: str) -> None:

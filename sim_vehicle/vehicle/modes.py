@@ -122,7 +122,7 @@ class Modes:
         """Reset the mission of a landed, disarmed vehicle on the entry into a manual mode."""
         vehicle, mission = self._vehicle, self._vehicle.mission
         manual = mode.behaviour in PILOTED
-        if mission.stays_landed and mission.in_landing and manual and not vehicle.armed:
+        if vehicle.personality.mission.stays_landed and mission.in_landing and manual and not vehicle.armed:
             vehicle.announce("mission_reset")
             mission.reset()
 

@@ -54,7 +54,7 @@ def _on_timesync(vehicle: Vehicle, message: Any, now: float) -> None:
 
 
 def _on_set_current(vehicle: Vehicle, message: Any, now: float) -> None:
-    if vehicle.set_current(message.seq):
+    if vehicle.mission.set_current(message.seq):
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, now)
 
 

@@ -38,7 +38,7 @@ TO_START, TO_GOAL = [(0.0, 300.0), (0.0, 600.0)], [(0.0, 300.0), (300.0, 850.0)]
 @BOTH
 def test_a_launch_begins_at_the_first_item(personality) -> None:
     flown = bench(personality).uploaded(FIRST)
-    flown.vehicle.set_current(6)
+    flown.vehicle.mission.set_current(6)
     assert flown.do("launch", basic.launch).failure is None
     assert flown.session.state.mission_seq == flown.session.dialect.first_seq
 

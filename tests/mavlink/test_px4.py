@@ -101,7 +101,7 @@ def test_an_autopilot_that_overlooks_the_marked_item_gets_a_message():
     bench = FlyingBench("px4").flying(OLD)
     assert bench.run(60, lambda: bench.session.state.mission_seq == 4)
     take = bench.vehicle.mission.replace
-    bench.vehicle.mission.replace = lambda pilot, new, current: take(pilot, new, -1)
+    bench.vehicle.mission.replace = lambda new, current: take(new, -1)
     result = bench.swap(NEW)
     assert result.flying == "new"
     assert [m.seq for m in bench.of(SET_CURRENT)] == [1]

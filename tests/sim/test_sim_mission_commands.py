@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from px4_station import QuietPx4Station, command_item
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, item, land, place_m, takeoff, waypoint
+from station import Station, fleet_of, item, land, place_m, takeoff, waypoint
 
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.vehicle.mission import Item, Mission
@@ -191,7 +191,7 @@ def test_after_the_last_leg_only_the_first_do_command_runs() -> None:
 
 def test_the_nearest_landing_sequence_is_found() -> None:
     start, land = mavlink.MAV_CMD_DO_LAND_START, mavlink.MAV_CMD_NAV_LAND
-    mission = Mission(home=lambda: Item(0))
+    mission = Mission(fleet_of().vehicles[0])
     items = [Item(0), Item(start), Item(16, x=100), Item(start, x=40), Item(land, x=50), Item(start)]
     for index, kept in enumerate(items):
         mission.put(index, kept)

@@ -14,7 +14,6 @@ from sim_vehicle.personalities.ardupilot.receivers import RECEIVERS
 from sim_vehicle.personalities.ardupilot.remote import Remote, stick_refusals
 from sim_vehicle.personalities.ardupilot.setpoints import read_setpoint
 from sim_vehicle.personalities.ardupilot.storage import storage
-from sim_vehicle.personalities.ardupilot.stores import FenceStore, MissionStore, RallyStore
 from sim_vehicle.personalities.ardupilot.transfer import ArduPilotTransfer
 from sim_vehicle.personalities.base import (
     ArmingRules,
@@ -30,12 +29,10 @@ from sim_vehicle.personalities.base import (
 from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.interface import Vehicle
-from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.mission import Mission
 from sim_vehicle.vehicle.one_shot_messages import ONE_SHOT_MESSAGES
 from sim_vehicle.vehicle.params import ParameterTable
 
-MAX_MISSION_ITEMS = 650
-LOOKAHEAD_COMMANDS = 3  # a change of one of 3 navigation commands, from the current on, restarts the current
 _INFO, _NOTICE = mavlink.MAV_SEVERITY_INFO, mavlink.MAV_SEVERITY_NOTICE
 _WARNING, _CRITICAL = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_CRITICAL
 _EMERGENCY = mavlink.MAV_SEVERITY_EMERGENCY
@@ -79,55 +76,6 @@ _TEXTS = {
     "fence_recovery": (_INFO, "Manual recovery started"),
     "terminated": (_CRITICAL, "Terminating due to failsafe"),
 }
-
-
-def _mission(vehicle: Vehicle) -> Mission:
-    return Mission(home=vehicle.home_and_rally.home_item, stays_landed=vehicle.body.plane)
-
-
-def _transfer(vehicle: Vehicle) -> ArduPilotTransfer:
-    store_item = vehicle.personality.mission.store_item
-    mission = MissionStore(
-        vehicle.mission,
-        store_item,
-        MAX_MISSION_ITEMS,
-        send_text=vehicle.send_text,
-        changed=lambda index: _restart_if_changed(vehicle, index),
-        flying=lambda: vehicle.flies_mission,
-    )
-    return ArduPilotTransfer(
-        {
-            mavlink.MAV_MISSION_TYPE_MISSION: mission,
-            mavlink.MAV_MISSION_TYPE_FENCE: FenceStore(vehicle.fence, send_text=vehicle.send_text),
-            mavlink.MAV_MISSION_TYPE_RALLY: RallyStore(vehicle.home_and_rally.rally),
-        },
-        store_item=store_item,
-        send=vehicle.send,
-        send_text=vehicle.send_text,
-        stored=lambda kind, total: vehicle.params.set_internal(parameters.TOTALS[kind], total),
-        guided=lambda item, altitude_only: _fly_guided(vehicle, item, altitude_only=altitude_only),
-        refusal=lambda: vehicle.injected_faults.mission_refusal,
-    )
-
-
-def _restart_if_changed(vehicle: Vehicle, index: int) -> None:
-    """Restart the current command if the changed item `index` affects it; -1: the list became shorter."""
-    mission = vehicle.mission
-    if not vehicle.flies_mission or index == 0 or (index == -1 and mission.index < mission.count):
-        return
-    if index > 0 and index not in mission.next_navigation(LOOKAHEAD_COMMANDS):
-        return
-    restarted = mission.restart_current(vehicle.flight.pilot)
-    vehicle.announce("mission_changed" if restarted else "mission_change_failed")
-
-
-def _fly_guided(vehicle: Vehicle, item: Item, *, altitude_only: bool) -> bool:
-    """Fly to an item with `current` 2 or 3 (`altitude_only`); return False except in flight in GUIDED."""
-    if vehicle.mode.behaviour is not Behaviour.GUIDED or not vehicle.flight.flying:
-        return False
-    place_deg = vehicle.body.lat_lon_deg if altitude_only or item.place_deg is None else item.place_deg
-    vehicle.flight.guided_go(*place_deg, vehicle.flight.altitude_amsl_m(item.frame, item.z))
-    return True
 
 
 _UNHEALTHY_TEXTS = {
@@ -260,7 +208,7 @@ _COPTER = Personality(
         unsupported=messages.UNSUPPORTED,
         targets=copter_targets,
     ),
-    mission=MissionRules(make=_mission, transfer=_transfer, store_item=store_item, home_item=True),
+    mission=MissionRules(make=Mission, transfer=ArduPilotTransfer, store_item=store_item, home_item=True),
     failsafes=FailsafeRules(disarms=True, battery_latches=True, fence_limits_latch=True),
     remote=Remote,
     storage=storage,
@@ -292,6 +240,7 @@ _PLANE = replace(
     mission=replace(
         _COPTER.mission,
         store_item=store_plane_item,
+        stays_landed=True,
         ends_in=Behaviour.RETURN,
         start_landing=start_landing,
     ),

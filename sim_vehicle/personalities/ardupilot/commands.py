@@ -79,7 +79,7 @@ def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
     if vehicle.armed:
         vehicle.flight.cleared_for_takeoff = True
     if vehicle.mission.state is not MissionState.ACTIVE:
-        vehicle.mission.start_or_resume(vehicle.flight.pilot)
+        vehicle.mission.start_or_resume()
     return ACCEPTED
 
 
@@ -125,7 +125,7 @@ def set_mission_current(vehicle: Vehicle, command: Command, _now: float) -> int:
         vehicle.mission.rewind()
     if index == -1:
         index = vehicle.mission.index
-    return ACCEPTED if vehicle.set_current(index) else DENIED
+    return ACCEPTED if vehicle.mission.set_current(index) else DENIED
 
 
 def pause_continue(vehicle: Vehicle, command: Command, _now: float) -> int:
@@ -225,7 +225,7 @@ def start_landing(vehicle: Vehicle, now: float) -> bool:
     """Start AUTO at the nearest landing sequence, regardless of MIS_RESTART; return False if impossible."""
     here_deg = vehicle.body.lat_lon_deg
     index = vehicle.mission.land_start(here_deg) if vehicle.position_known(now) else None
-    if index is None or not vehicle.set_current(index):
+    if index is None or not vehicle.mission.set_current(index):
         vehicle.announce("no_landing_sequence")
         return False
     vehicle.announce("landing_sequence")
@@ -233,7 +233,7 @@ def start_landing(vehicle: Vehicle, now: float) -> bool:
     if not vehicle.modes.set_behaviour(Behaviour.MISSION, now):
         return False
     if vehicle.mission.index != landing_index:
-        vehicle.set_current(index)
+        vehicle.mission.set_current(index)
     return True
 
 

@@ -12,7 +12,6 @@ from sim_vehicle.files.logs.dataflash import DataFlashLog
 from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.files.packed_files import Parameter, UploadedMission
 from sim_vehicle.files.vehicle_files import ardupilot_files
-from sim_vehicle.personalities.ardupilot.parameters import TOTALS
 from sim_vehicle.personalities.ardupilot.stores import Store
 from sim_vehicle.personalities.ardupilot.transfer import ArduPilotTransfer
 from sim_vehicle.vehicle.interface import Vehicle
@@ -77,7 +76,7 @@ def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
         if vehicle.injected_faults.mission_refusal is not None:
             return False
         accepted = _write(stores[kind], upload, may_update=kind == MISSION)
-        params.set_internal(TOTALS[kind], stores[kind].total)
+        transfer.count_stored(kind)
         return accepted
 
     return Storage(

@@ -2,13 +2,12 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.vehicle.fence import CIRCLES, POLYGONS, Fence
-from sim_vehicle.vehicle.home_and_rally import Rally
-from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.fence import CIRCLES, POLYGONS
+from sim_vehicle.vehicle.interface import Vehicle
+from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.numbers import to_int
 from sim_vehicle.vehicle.params import as_float32
 
@@ -18,6 +17,8 @@ INVALID_SEQUENCE = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
 WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 MAX_LATITUDE_E7, MAX_LONGITUDE_E7 = 900_000_000, 1_800_000_000
 
+MAX_MISSION_ITEMS = 650
+LOOKAHEAD_COMMANDS = 3  # a change of one of 3 navigation commands, from the current on, restarts the current
 FENCE_STORAGE_BYTES = 560  # as in ArduPilot's simulated copter
 MAX_RALLY_POINTS = 46
 STORED_FRAME = {
@@ -75,37 +76,23 @@ class Store(ABC):
 
 
 class MissionStore(Store):
-    """Mission store: items are written one by one, and a shorter count truncates the list at once.
+    """Mission store: items are written one by one, and a shorter count truncates the list at once."""
 
-    store_item: converts an item to its stored form, or returns the MAV_MISSION_RESULT of a refusal.
-    changed: called with the index of a new or changed item; -1: the list became shorter.
-    """
+    name, autocontinue, max_items = "Mission", 1, MAX_MISSION_ITEMS
 
-    name, autocontinue = "Mission", 1
-
-    def __init__(
-        self,
-        mission: Mission,
-        store_item: Callable[[Item], Item | int],
-        max_items: int,
-        *,
-        send_text: Callable[[int, str], None],
-        changed: Callable[[int], None],
-        flying: Callable[[], bool],
-    ) -> None:
-        self._mission, self._store_item, self.max_items = mission, store_item, max_items
-        self._send_text, self._changed, self._flying = send_text, changed, flying
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle, self._mission = vehicle, vehicle.mission
 
     @property
     def count(self) -> int:
         return self._mission.count
 
     def begin(self, count: int) -> None:
-        if self._mission.cut(count):
-            self._changed(-1)
+        if self._mission.cut(count) and self._mission.index >= count:
+            self._restart()
 
     def put(self, index: int, item: Item, last: int) -> int:
-        stored = self._store_item(item)
+        stored = self._vehicle.personality.mission.store_item(item)
         if not isinstance(stored, Item):
             return stored
         count = self._mission.count
@@ -115,16 +102,22 @@ class MissionStore(Store):
                 return ERROR
         if index > count or index >= self.max_items:
             return ERROR
-        if self._mission.put(index, stored):
-            self._changed(index)
+        if self._mission.put(index, stored) and index in self._mission.next_navigation(LOOKAHEAD_COMMANDS):
+            self._restart()
         return ACCEPTED
 
     def complete(self) -> int:
-        self._send_text(mavlink.MAV_SEVERITY_INFO, "Flight plan received")
+        self._vehicle.send_text(mavlink.MAV_SEVERITY_INFO, "Flight plan received")
         return ACCEPTED
 
+    def _restart(self) -> None:
+        """Restart the current command of a flown mission, because a change affects it."""
+        if self._vehicle.flies_mission:
+            restarted = self._mission.restart_current()
+            self._vehicle.announce("mission_changed" if restarted else "mission_change_failed")
+
     def clear(self) -> bool:
-        if self._flying():
+        if self._vehicle.flies_mission:
             return False
         self._mission.clear()
         return True
@@ -139,8 +132,8 @@ class FenceStore(Store):
     name, autocontinue = "Fence", 0
     max_items = FENCE_STORAGE_BYTES // 8
 
-    def __init__(self, fence: Fence, *, send_text: Callable[[int, str], None]) -> None:
-        self._fence, self._send_text = fence, send_text
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._fence, self._send_text = vehicle.fence, vehicle.send_text
         self._new: list[Item | None] = []
 
     @property
@@ -256,8 +249,8 @@ class RallyStore(Store):
 
     name, autocontinue, max_items = "Rally", 0, MAX_RALLY_POINTS
 
-    def __init__(self, rally: Rally) -> None:
-        self._rally = rally
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._rally = vehicle.home_and_rally.rally
 
     @property
     def count(self) -> int:

@@ -6,19 +6,23 @@ at the end. Downloads have no state.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.ardupilot.stores import Store
+from sim_vehicle.personalities.ardupilot.parameters import TOTALS
+from sim_vehicle.personalities.ardupilot.stores import FenceStore, MissionStore, RallyStore, Store
+from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.command import sender_of
-from sim_vehicle.vehicle.injected_faults import MissionRefusal
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.mission_messages import (
+    FENCE,
     MISSION,
+    RALLY,
     MissionPeer,
     ack_message,
     count_message,
@@ -33,9 +37,6 @@ ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
 ERROR = int(mavlink.MAV_MISSION_ERROR)
 DENIED = int(mavlink.MAV_MISSION_DENIED)
 
-Send = Callable[[Any], None]
-SendText = Callable[[int, str], None]
-
 
 @dataclass
 class _Upload:
@@ -47,10 +48,10 @@ class _Upload:
 
 
 class _Server:
-    """Uploads to and downloads from one store."""
+    """Uploads to and downloads from one list of the vehicle."""
 
-    def __init__(self, kind: int, store: Store, *, send: Send, send_text: SendText) -> None:
-        self._kind, self._store, self._send, self._send_text = kind, store, send, send_text
+    def __init__(self, vehicle: Vehicle, kind: int, store: Store) -> None:
+        self._vehicle, self._kind, self._store = vehicle, kind, store
         self._upload: _Upload | None = None
 
     @property
@@ -60,16 +61,12 @@ class _Server:
             return math.inf
         return min(upload.requested_s + REQUEST_AGAIN_S, upload.last_received_s + ABANDON_AFTER_S)
 
-    @property
-    def total(self) -> int:
-        return self._store.total
-
     def tick(self, now: float) -> None:
         upload = self._upload
         if upload is None:
             return
         if now - upload.last_received_s >= ABANDON_AFTER_S - EPSILON_S:
-            self._send_text(mavlink.MAV_SEVERITY_WARNING, f"{self._store.name} upload timeout")
+            self._vehicle.send_text(mavlink.MAV_SEVERITY_WARNING, f"{self._store.name} upload timeout")
             self._give_up(upload.peer, int(mavlink.MAV_MISSION_OPERATION_CANCELLED))
         elif now - upload.requested_s >= REQUEST_AGAIN_S - EPSILON_S:
             self._request_item(upload, now)
@@ -80,6 +77,10 @@ class _Server:
             self._store.abandon()
 
     def on_count(self, message: Any, peer: MissionPeer, now: float) -> None:
+        refusal = self._vehicle.injected_faults.mission_refusal
+        if refusal is not None and refusal.at_item is None:
+            self.acknowledge(peer, refusal.result)
+            return
         if self._upload is not None:
             if self._upload.peer != peer:
                 self.acknowledge(peer, DENIED)
@@ -89,7 +90,7 @@ class _Server:
             self._upload = None
             self.acknowledge(peer, int(mavlink.MAV_MISSION_NO_SPACE))
             text = f"Only {self._store.max_items} items are supported"
-            self._send_text(mavlink.MAV_SEVERITY_WARNING, text)
+            self._vehicle.send_text(mavlink.MAV_SEVERITY_WARNING, text)
             return
         self._upload = None
         self._store.begin(message.count)
@@ -104,26 +105,29 @@ class _Server:
             return
         first, last = message.start_index, message.end_index
         if not 0 <= first <= last <= self._store.count:
-            self._send_text(mavlink.MAV_SEVERITY_WARNING, "Flight plan update rejected")
+            self._vehicle.send_text(mavlink.MAV_SEVERITY_WARNING, "Flight plan update rejected")
             self.acknowledge(peer, ERROR)
             return
         self._store.begin_update()
         self._begin(peer, first, last, now)
 
-    def on_item(self, message: Any, peer: MissionPeer, now: float, refusal: int | None = None) -> None:
+    def on_item(self, message: Any, peer: MissionPeer, now: float) -> None:
         upload = self._upload
-        if upload is None:
+        if self._kind == MISSION and message.current in (GUIDED, ALTITUDE):
+            self.acknowledge(peer, self._fly_guided(message))
+        elif upload is None:
             self.acknowledge(peer, ERROR)
         elif message.seq != upload.next_seq:
             self.acknowledge(peer, int(mavlink.MAV_MISSION_INVALID_SEQUENCE))
         elif upload.peer != peer:
             self.acknowledge(peer, DENIED)
         else:
-            self._accept_item(upload, item_from_message(message), refusal, now)
+            self._accept_item(upload, item_from_message(message), now)
 
-    def _accept_item(self, upload: _Upload, item: Item | None, refusal: int | None, now: float) -> None:
-        if refusal is not None:
-            result = refusal
+    def _accept_item(self, upload: _Upload, item: Item | None, now: float) -> None:
+        refusal = self._vehicle.injected_faults.mission_refusal
+        if refusal is not None and refusal.at_item == upload.next_seq:
+            result = refusal.result
         elif item is None:
             result = int(mavlink.MAV_MISSION_INVALID_PARAM5_X)
         else:
@@ -139,17 +143,17 @@ class _Server:
             self._upload = None
             self.acknowledge(upload.peer, self._store.complete())
 
-    def on_clear(self, peer: MissionPeer) -> None:
+    def on_clear(self, _message: Any, peer: MissionPeer, _now: float) -> None:
         cleared = self._upload is None and self._store.clear()
         self.acknowledge(peer, ACCEPTED if cleared else ERROR)
 
-    def on_request_list(self, peer: MissionPeer) -> None:
+    def on_request_list(self, _message: Any, peer: MissionPeer, _now: float) -> None:
         if self._upload is not None:
             self.acknowledge(peer, DENIED)
         else:
-            self._send(count_message(peer, self._store.count, self._kind))
+            self._vehicle.send(count_message(peer, self._store.count, self._kind))
 
-    def on_request(self, message: Any, peer: MissionPeer) -> None:
+    def on_request(self, message: Any, peer: MissionPeer, _now: float) -> None:
         if self._upload is not None:
             self.acknowledge(peer, DENIED)
             return
@@ -157,16 +161,16 @@ class _Server:
         if isinstance(found, Item):
             as_int = message.get_type() == "MISSION_REQUEST_INT"
             autocontinue = self._store.autocontinue
-            self._send(
+            self._vehicle.send(
                 item_message(peer, message.seq, found, self._kind, as_int=as_int, autocontinue=autocontinue)
             )
             return
         if self._kind == MISSION:  # ArduPilot sends the count before the refusal
-            self._send(count_message(peer, self._store.count, self._kind))
+            self._vehicle.send(count_message(peer, self._store.count, self._kind))
         self.acknowledge(peer, found)
 
     def acknowledge(self, peer: MissionPeer, result: int) -> None:
-        self._send(ack_message(peer, result, self._kind))
+        self._vehicle.send(ack_message(peer, result, self._kind))
 
     def _begin(self, peer: MissionPeer, first: int, last: int, now: float) -> None:
         self._upload = _Upload(peer, first, last, last_received_s=now, requested_s=now)
@@ -174,56 +178,57 @@ class _Server:
 
     def _request_item(self, upload: _Upload, now: float) -> None:
         upload.requested_s = now
-        self._send(mavlink.MAVLink_mission_request_message(*upload.peer, upload.next_seq, self._kind))
+        self._vehicle.send(mavlink.MAVLink_mission_request_message(*upload.peer, upload.next_seq, self._kind))
 
     def _give_up(self, peer: MissionPeer, result: int) -> None:
         self._upload = None
         self._store.abandon()
         self.acknowledge(peer, result)
 
+    def _fly_guided(self, message: Any) -> int:
+        """Fly to an item with `current` 2, or to its altitude with `current` 3; return the result."""
+        vehicle, item = self._vehicle, item_from_message(message)
+        if item is None:
+            return int(mavlink.MAV_MISSION_INVALID_PARAM5_X)
+        stored = vehicle.personality.mission.store_item(item)
+        if not isinstance(stored, Item):
+            return stored
+        altitude_only = message.current == ALTITUDE
+        if vehicle.mode.behaviour is not Behaviour.GUIDED or not vehicle.flight.flying:
+            return ACCEPTED if altitude_only else ERROR
+        place_deg = stored.place_deg
+        if altitude_only or place_deg is None:
+            place_deg = vehicle.body.lat_lon_deg
+        vehicle.flight.guided_go(*place_deg, vehicle.flight.altitude_amsl_m(stored.frame, stored.z))
+        return ACCEPTED
+
+
+_HANDLERS: dict[str, Callable[[_Server, Any, MissionPeer, float], None]] = {
+    "MISSION_COUNT": _Server.on_count,
+    "MISSION_ITEM_INT": _Server.on_item,
+    "MISSION_ITEM": _Server.on_item,
+    "MISSION_WRITE_PARTIAL_LIST": _Server.on_write_partial,
+    "MISSION_REQUEST_LIST": _Server.on_request_list,
+    "MISSION_REQUEST_INT": _Server.on_request,
+    "MISSION_REQUEST": _Server.on_request,
+    "MISSION_CLEAR_ALL": _Server.on_clear,
+}
+
 
 class ArduPilotTransfer:
-    """Server of mission messages for one vehicle.
+    """The mission protocol of one vehicle: a server for each list.
 
-    Parameters
-    ----------
     stores: the lists by MAV_MISSION_TYPE; file transfers use the same stores.
-    store_item: converts an item to its stored form, or returns the MAV_MISSION_RESULT of a refusal.
-    send: receives each outgoing message.
-    send_text: sends a STATUSTEXT (severity, text).
-    stored: called with MAV_MISSION_TYPE and the new value of MIS_TOTAL, FENCE_TOTAL or RALLY_TOTAL.
-    guided: flies to an item (`current` 2), or with True as second argument changes only the altitude
-        (`current` 3); returns False if the vehicle refuses.
-    refusal: returns a fault that refuses uploads, or None.
     """
 
-    def __init__(
-        self,
-        stores: Mapping[int, Store],
-        *,
-        store_item: Callable[[Item], Item | int],
-        send: Send,
-        send_text: SendText,
-        stored: Callable[[int, int], None],
-        guided: Callable[[Item, bool], bool],
-        refusal: Callable[[], MissionRefusal | None],
-    ) -> None:
-        self._send, self._guided, self._refusal, self._store_item = send, guided, refusal, store_item
-        self.stores = stores
-        self._stored = stored
-        self._servers = {
-            kind: _Server(kind, store, send=send, send_text=send_text) for kind, store in stores.items()
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self.stores: dict[int, Store] = {
+            MISSION: MissionStore(vehicle),
+            FENCE: FenceStore(vehicle),
+            RALLY: RallyStore(vehicle),
         }
-        self._handlers: dict[str, Callable[[_Server, Any, MissionPeer, float], None]] = {
-            "MISSION_COUNT": self._on_count,
-            "MISSION_ITEM_INT": self._on_item,
-            "MISSION_ITEM": self._on_item,
-            "MISSION_WRITE_PARTIAL_LIST": lambda server, m, peer, now: server.on_write_partial(m, peer, now),
-            "MISSION_REQUEST_LIST": lambda server, _m, peer, _now: server.on_request_list(peer),
-            "MISSION_REQUEST_INT": lambda server, m, peer, _now: server.on_request(m, peer),
-            "MISSION_REQUEST": lambda server, m, peer, _now: server.on_request(m, peer),
-            "MISSION_CLEAR_ALL": lambda server, _m, peer, _now: server.on_clear(peer),
-        }
+        self._servers = {kind: _Server(vehicle, kind, store) for kind, store in self.stores.items()}
 
     @property
     def ids(self) -> tuple[int, int, int]:
@@ -236,19 +241,21 @@ class ArduPilotTransfer:
         return min(server.next_deadline_s for server in self._servers.values())
 
     def handles(self, message_type: str) -> bool:
-        return message_type in self._handlers
+        return message_type in _HANDLERS
 
     def receive(self, message: Any, now: float) -> None:
         """Process one message of the mission protocol at `now` [s]."""
         peer, kind = sender_of(message), message.mission_type
         server = self._servers.get(kind)
         if server is None:
-            self._send(ack_message(peer, int(mavlink.MAV_MISSION_UNSUPPORTED), kind))
+            self._vehicle.send(ack_message(peer, int(mavlink.MAV_MISSION_UNSUPPORTED), kind))
             return
-        total = server.total
-        self._handlers[message.get_type()](server, message, peer, now)
-        if server.total != total:
-            self._stored(kind, server.total)
+        _HANDLERS[message.get_type()](server, message, peer, now)
+        self.count_stored(kind)
+
+    def count_stored(self, kind: int) -> None:
+        """Set MIS_TOTAL, FENCE_TOTAL or RALLY_TOTAL to the number of stored items."""
+        self._vehicle.params.set_internal(TOTALS[kind], self.stores[kind].total)
 
     def tick(self, now: float) -> None:
         """Repeat requests, or abandon uploads after a timeout, at `now` [s]."""
@@ -259,29 +266,3 @@ class ArduPilotTransfer:
         """Forget uploads after a reboot; stored lists stay."""
         for server in self._servers.values():
             server.reset()
-
-    def _on_count(self, server: _Server, message: Any, peer: MissionPeer, now: float) -> None:
-        refusal = self._refusal()
-        if refusal is not None and refusal.at_item is None:
-            server.acknowledge(peer, refusal.result)
-        else:
-            server.on_count(message, peer, now)
-
-    def _on_item(self, server: _Server, message: Any, peer: MissionPeer, now: float) -> None:
-        if message.mission_type == MISSION and message.current in (GUIDED, ALTITUDE):
-            server.acknowledge(peer, self._fly_guided(message))
-            return
-        refusal = self._refusal()
-        refused = refusal is not None and refusal.at_item == message.seq
-        server.on_item(message, peer, now, refusal.result if refusal is not None and refused else None)
-
-    def _fly_guided(self, message: Any) -> int:
-        item = item_from_message(message)
-        if item is None:
-            return int(mavlink.MAV_MISSION_INVALID_PARAM5_X)
-        stored = self._store_item(item)
-        if not isinstance(stored, Item):
-            return stored
-        altitude_only = message.current == ALTITUDE
-        accepted = self._guided(stored, altitude_only)
-        return ACCEPTED if accepted or altitude_only else ERROR

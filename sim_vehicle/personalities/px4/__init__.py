@@ -1,6 +1,5 @@
 """PX4 1.15.2, multicopter and fixed wing, as observed on the wire."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -26,68 +25,17 @@ from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, ONE_SHOT_ME
 from sim_vehicle.personalities.px4.mission import Px4Mission
 from sim_vehicle.personalities.px4.mission_landing import return_by_mission
 from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION
-from sim_vehicle.personalities.px4.readiness import feasible, refusals
+from sim_vehicle.personalities.px4.readiness import refusals
 from sim_vehicle.personalities.px4.receivers import RECEIVERS
 from sim_vehicle.personalities.px4.remote import Remote, stick_refusals
 from sim_vehicle.personalities.px4.setpoints import read_setpoint
 from sim_vehicle.personalities.px4.transfer import Px4Transfer
 from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
-from sim_vehicle.vehicle.interface import Vehicle
-from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.params import ParameterTable
 from sim_vehicle.wire.telemetry import ARDUPILOT_ONLY
 
-MAX_MISSION_ITEMS = 6000
-MISSION_CHECK_S = 0.1  # interval of the health checks, which see a new mission
 READY_S = 37.0  # time from boot to a position estimate
-
-
-def _mission(vehicle: Vehicle) -> Px4Mission:
-    def go_home() -> None:
-        vehicle.announce("returning")
-        vehicle.modes.enter_behaviour(Behaviour.RETURN)
-
-    return Px4Mission(lambda items: feasible(vehicle, items), go_home, plane=vehicle.body.plane)
-
-
-def _transfer(vehicle: Vehicle) -> Px4Transfer:
-    mission = vehicle.mission
-    assert isinstance(mission, Px4Mission)
-
-    def replace_mission(items: Sequence[Item], current: int) -> None:
-        if not vehicle.modes.mission_ready(vehicle.now):  # an earlier good mission counts until the check
-            vehicle.modes.mission_checked_s = vehicle.now + MISSION_CHECK_S
-        mission.replace(vehicle.flight.pilot, items, current)
-
-    return Px4Transfer(
-        mission,
-        vehicle.fence,
-        vehicle.home_and_rally.rally,
-        sysid=vehicle.sysid,
-        store_item=store_item,
-        max_items=MAX_MISSION_ITEMS,
-        send=vehicle.send,
-        send_text=vehicle.send_text,
-        replace=replace_mission,
-        set_current=vehicle.set_current,
-        changed=lambda kind: (
-            _check_fence(vehicle, mission) if kind == mavlink.MAV_MISSION_TYPE_FENCE else None
-        ),
-        refusal=lambda: vehicle.injected_faults.mission_refusal,
-    )
-
-
-def _check_fence(vehicle: Vehicle, mission: Px4Mission) -> None:
-    """Check the mission again, and drop the zones of a new fence that home or the flying vehicle violates."""
-    home = vehicle.home_and_rally.home
-    if home is not None and vehicle.fence.discard_violated(*home.lat_lon_deg):
-        vehicle.announce("fence_without_home")
-    watched = vehicle.flight.flying and vehicle.flight_parameters.fence.enabled
-    if watched and vehicle.fence.discard_violated(*vehicle.body.lat_lon_deg):
-        vehicle.announce("fence_without_vehicle")
-    if not mission.empty:
-        mission.check_again(vehicle.flight.pilot)
 
 
 # Rules for the target of a message. The fleet passes only messages to this system or to all systems (0).
@@ -242,7 +190,11 @@ _COPTER = Personality(
         gps_present_with_fix=True,
     ),
     mission=MissionRules(
-        make=_mission, transfer=_transfer, store_item=store_item, home_item=False, ends_in=Behaviour.HOLD
+        make=Px4Mission,
+        transfer=Px4Transfer,
+        store_item=store_item,
+        home_item=False,
+        ends_in=Behaviour.HOLD,
     ),
     home=HomeRules(with_position=True, is_local=True),
     failsafes=FailsafeRules(modes={FailsafeAction.TERMINATE: TERMINATION}),

@@ -123,7 +123,7 @@ def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
         vehicle.announce("mode_needs_mission", mode=modes.MODES[modes.MISSION].name)
         return TEMPORARILY_REJECTED
     if command.param1 >= 0:
-        vehicle.set_current(to_int(command.param1))
+        vehicle.mission.set_current(to_int(command.param1))
     return ACCEPTED
 
 

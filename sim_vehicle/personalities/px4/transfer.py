@@ -16,11 +16,11 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
+from sim_vehicle.personalities.px4.mission import Px4Mission
 from sim_vehicle.vehicle.command import sender_of
-from sim_vehicle.vehicle.fence import CIRCLES, POLYGONS, Fence
-from sim_vehicle.vehicle.home_and_rally import Rally
-from sim_vehicle.vehicle.injected_faults import MissionRefusal
-from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.fence import CIRCLES, POLYGONS
+from sim_vehicle.vehicle.interface import Vehicle
+from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.mission_messages import (
     ALL,
     FENCE,
@@ -35,7 +35,8 @@ from sim_vehicle.vehicle.mission_messages import (
 
 REQUEST_AGAIN_S = 0.25
 TIMEOUT_S = 5.0
-MAX_FENCE_POINTS, MAX_RALLY_POINTS = 128, 32
+MISSION_CHECK_S = 0.1  # interval of the health checks, which see a new mission
+MAX_ITEMS = {MISSION: 6000, FENCE: 128, RALLY: 32}
 ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
 ERROR = int(mavlink.MAV_MISSION_ERROR)
 CRITICAL = int(mavlink.MAV_SEVERITY_CRITICAL)
@@ -57,45 +58,11 @@ class _State(Enum):
 
 
 class Px4Transfer:
-    """Server of mission messages for one vehicle.
+    """The mission protocol of one vehicle."""
 
-    Parameters
-    ----------
-    mission, fence, rally: the stored lists; `Px4Transfer` writes only fence and rally points.
-    sysid: own system id; broadcasts and messages to other systems are ignored.
-    store_item: converts an item of any list to its stored form, or returns the MAV_MISSION_RESULT of a
-        refusal.
-    max_items: largest accepted number of mission items; a longer mission is refused with NO_SPACE.
-    send: receives each outgoing message.
-    send_text: sends a STATUSTEXT (severity, text).
-    replace: takes a complete new mission and the index of the item marked as current; -1: no item.
-    set_current: takes an existing index from MISSION_SET_CURRENT.
-    changed: called with MAV_MISSION_TYPE after a change of the fence or the rally points.
-    refusal: returns a fault that refuses uploads, or None.
-    """
-
-    def __init__(
-        self,
-        mission: Mission,
-        fence: Fence,
-        rally: Rally,
-        *,
-        sysid: int,
-        store_item: Callable[[Item], Item | int],
-        max_items: int,
-        send: Callable[[Any], None],
-        send_text: Callable[[int, str], None],
-        replace: Callable[[list[Item], int], None],
-        set_current: Callable[[int], object],
-        changed: Callable[[int], None],
-        refusal: Callable[[], MissionRefusal | None],
-    ) -> None:
-        self._mission = mission
-        self._lists: dict[int, Mission | Fence | Rally] = {MISSION: mission, FENCE: fence, RALLY: rally}
-        self._sysid, self._store_item, self._send, self._send_text = sysid, store_item, send, send_text
-        self._replace, self._set_current = replace, set_current
-        self._changed, self._refusal = changed, refusal
-        self._max_items = {MISSION: max_items, FENCE: MAX_FENCE_POINTS, RALLY: MAX_RALLY_POINTS}
+    def __init__(self, vehicle: Vehicle) -> None:
+        assert isinstance(vehicle.mission, Px4Mission)
+        self._vehicle, self._mission = vehicle, vehicle.mission
         self._ids = {MISSION: 0, FENCE: 0, RALLY: 0}
         self._handlers: dict[str, Callable[[Any, MissionPeer, float], None]] = {
             "MISSION_COUNT": self._on_count,
@@ -143,7 +110,7 @@ class Px4Transfer:
         handler = self._handlers.get(message.get_type())
         if (
             handler is not None
-            and message.target_system == self._sysid
+            and message.target_system == self._vehicle.sysid
             and message.target_component in COMPONENTS
         ):
             handler(message, sender_of(message), now)
@@ -153,7 +120,7 @@ class Px4Transfer:
         if self._state is _State.IDLE:
             return
         if now - self._last_received_s >= TIMEOUT_S - EPSILON_S:
-            self._send_text(CRITICAL, "Operation timeout")
+            self._vehicle.send_text(CRITICAL, "Operation timeout")
             self._state = _State.IDLE
         elif self._state is _State.GETTING and now - self._requested_s >= REQUEST_AGAIN_S - EPSILON_S:
             self._request_item(now)
@@ -162,7 +129,7 @@ class Px4Transfer:
 
     def _on_count(self, message: Any, peer: MissionPeer, now: float) -> None:
         if self._state is _State.SENDING:
-            self._send_text(CRITICAL, "WPM: IGN MISSION_COUNT: Busy")
+            self._vehicle.send_text(CRITICAL, "WPM: IGN MISSION_COUNT: Busy")
             self._acknowledge(peer, ERROR)
             return
         if self._state is _State.GETTING:
@@ -170,16 +137,16 @@ class Px4Transfer:
             if peer != self._partner:
                 self._acknowledge(peer, ERROR)
             elif self._seq > 0:
-                self._send_text(CRITICAL, "WPM: REJ. CMD: Busy")
+                self._vehicle.send_text(CRITICAL, "WPM: REJ. CMD: Busy")
                 self._acknowledge(peer, ERROR)
             else:
                 self._request_item(now)  # the first request was probably lost; the first count stays valid
             return
         self._partner, self._kind = peer, message.mission_type
-        refusal = self._refusal()
+        refusal = self._vehicle.injected_faults.mission_refusal
         if refusal is not None and refusal.at_item is None:
             self._acknowledge(peer, refusal.result)
-        elif message.count > self._max_items.get(self._kind, 0):
+        elif message.count > MAX_ITEMS.get(self._kind, 0):
             self._acknowledge(peer, int(mavlink.MAV_MISSION_NO_SPACE))
         elif message.count == 0:
             self._empty(self._kind)
@@ -197,22 +164,22 @@ class Px4Transfer:
             if self._as_int
             else mavlink.MAVLink_mission_request_message
         )
-        self._send(request(*self._partner, self._seq, self._kind))
+        self._vehicle.send(request(*self._partner, self._seq, self._kind))
 
     def _on_item(self, message: Any, peer: MissionPeer, now: float) -> None:
         self._as_int = message.get_type() == "MISSION_ITEM_INT"
         if peer != self._partner:
-            self._send_text(CRITICAL, "REJ. MIS ITEM: partner id mismatch")
+            self._vehicle.send_text(CRITICAL, "REJ. MIS ITEM: partner id mismatch")
         elif message.mission_type != self._kind:
             self._acknowledge(peer, ERROR)
         elif self._state is _State.SENDING:
-            self._send_text(CRITICAL, "IGN MISSION_ITEM: Busy")
+            self._vehicle.send_text(CRITICAL, "IGN MISSION_ITEM: Busy")
             self._acknowledge(peer, ERROR)
         elif self._state is _State.IDLE:
             if self._seq == message.seq + 1:  # a repeated last item: the acknowledgement was probably lost
                 self._acknowledge(peer, ACCEPTED, self._new_id)
             else:
-                self._send_text(CRITICAL, "IGN MISSION_ITEM: No transfer")
+                self._vehicle.send_text(CRITICAL, "IGN MISSION_ITEM: No transfer")
                 self._acknowledge(peer, ERROR)
         else:
             self._last_received_s = now
@@ -223,7 +190,7 @@ class Px4Transfer:
         stored = self._stored_form(message)
         if not isinstance(stored, Item):
             if stored != ERROR:
-                self._send_text(CRITICAL, "IGN MISSION_ITEM: Invalid item")
+                self._vehicle.send_text(CRITICAL, "IGN MISSION_ITEM: Invalid item")
             self._state = _State.IDLE
             self._acknowledge(self._partner, stored)
             return
@@ -243,7 +210,7 @@ class Px4Transfer:
 
     def _stored_form(self, message: Any) -> Item | int:
         """Return the stored form of an item, or the MAV_MISSION_RESULT that ends the upload."""
-        refusal = self._refusal()
+        refusal = self._vehicle.injected_faults.mission_refusal
         if refusal is not None and refusal.at_item == message.seq:
             return refusal.result
         item = item_from_message(message)
@@ -251,7 +218,7 @@ class Px4Transfer:
             return ERROR
         if not self._as_int and item.frame in _INT_FRAMES:
             return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
-        stored = self._store_item(item)
+        stored = self._vehicle.personality.mission.store_item(item)
         if not isinstance(stored, Item):
             return stored
         if self._kind == MISSION and stored.command in _NOT_IN_A_MISSION:
@@ -261,12 +228,28 @@ class Px4Transfer:
         return stored
 
     def _store(self, kind: int, items: list[Item], current: int) -> None:
-        stored = self._lists[kind]
-        if isinstance(stored, Mission):
-            self._replace(items, current)
-            return
-        stored.replace(items)
-        self._changed(kind)
+        """Replace a list; `current` is the index of the mission item marked as current, -1: no item."""
+        vehicle = self._vehicle
+        if kind == MISSION:
+            if not vehicle.modes.mission_ready(vehicle.now):  # an earlier good mission counts until the check
+                vehicle.modes.mission_checked_s = vehicle.now + MISSION_CHECK_S
+            self._mission.replace(items, current)
+        elif kind == FENCE:
+            vehicle.fence.replace(items)
+            self._check_fence()
+        else:
+            vehicle.home_and_rally.rally.replace(items)
+
+    def _check_fence(self) -> None:
+        """Check the mission again; drop the zones of a new fence that home or the flying vehicle violates."""
+        vehicle, home = self._vehicle, self._vehicle.home_and_rally.home
+        if home is not None and vehicle.fence.discard_violated(*home.lat_lon_deg):
+            vehicle.announce("fence_without_home")
+        watched = vehicle.flight.flying and vehicle.flight_parameters.fence.enabled
+        if watched and vehicle.fence.discard_violated(*vehicle.body.lat_lon_deg):
+            vehicle.announce("fence_without_vehicle")
+        if not self._mission.empty:
+            self._mission.check_again()
 
     def _empty(self, kind: int) -> None:
         if kind in self._ids:
@@ -275,7 +258,7 @@ class Px4Transfer:
 
     def _on_clear(self, message: Any, peer: MissionPeer, _now: float) -> None:
         if self._state is not _State.IDLE:
-            self._send_text(CRITICAL, "WPM: IGN CLEAR CMD: Busy")
+            self._vehicle.send_text(CRITICAL, "WPM: IGN CLEAR CMD: Busy")
             return
         self._kind = message.mission_type
         for kind in (MISSION, FENCE, RALLY) if self._kind == ALL else (self._kind,):
@@ -285,25 +268,30 @@ class Px4Transfer:
     # -- download ----------------------------------------------------------------------------------------
 
     def _items(self) -> Sequence[Item]:
-        return self._lists[self._kind].items if self._kind in self._lists else ()
+        vehicle = self._vehicle
+        rally = vehicle.home_and_rally.rally
+        lists = {MISSION: self._mission.items, FENCE: vehicle.fence.items, RALLY: rally.items}
+        return lists.get(self._kind, ())
 
     def _on_request_list(self, message: Any, peer: MissionPeer, now: float) -> None:
         all_sent = self._state is _State.SENDING and self._seq == len(self._items())
         again = peer == self._partner and message.mission_type == self._kind
         if not (self._state is _State.IDLE or all_sent or (self._state is _State.SENDING and again)):
-            self._send_text(mavlink.MAV_SEVERITY_INFO, "Mission download request ignored, already active")
+            self._vehicle.send_text(
+                mavlink.MAV_SEVERITY_INFO, "Mission download request ignored, already active"
+            )
             return
         self._state, self._last_received_s = _State.SENDING, now
         self._kind, self._partner = message.mission_type, peer
         self._seq, self._announced = 0, len(self._items())
-        self._send(count_message(peer, self._announced, self._kind, self._ids.get(self._kind, 0)))
+        self._vehicle.send(count_message(peer, self._announced, self._kind, self._ids.get(self._kind, 0)))
 
     def _on_request(self, message: Any, peer: MissionPeer, now: float) -> None:
         self._as_int = message.get_type() == "MISSION_REQUEST_INT"
         if peer != self._partner:
-            self._send_text(CRITICAL, "WPM: REJ. CMD: partner id mismatch")
+            self._vehicle.send_text(CRITICAL, "WPM: REJ. CMD: partner id mismatch")
         elif self._state is _State.GETTING:
-            self._send_text(CRITICAL, "WPM: REJ. CMD: Busy")
+            self._vehicle.send_text(CRITICAL, "WPM: REJ. CMD: Busy")
         elif self._state is _State.SENDING and message.mission_type == self._kind:
             self._last_received_s = now
             self._answer(message.seq)
@@ -316,11 +304,11 @@ class Px4Transfer:
         if not expected or seq >= len(items):
             self._state = _State.IDLE
             self._acknowledge(self._partner, ERROR)
-            self._send_text(CRITICAL, "WPM: REJ. CMD: Req. WP was unexpected")
+            self._vehicle.send_text(CRITICAL, "WPM: REJ. CMD: Req. WP was unexpected")
             return
         item = items[seq]
         autocontinue = int(item.autocontinue) if self._kind != FENCE else 0
-        self._send(
+        self._vehicle.send(
             item_message(
                 self._partner,
                 seq,
@@ -334,7 +322,7 @@ class Px4Transfer:
 
     def _on_ack(self, message: Any, peer: MissionPeer, now: float) -> None:
         if peer != self._partner:
-            self._send_text(CRITICAL, "REJ. WP CMD: partner id mismatch")
+            self._vehicle.send_text(CRITICAL, "REJ. WP CMD: partner id mismatch")
         elif self._state is _State.SENDING and message.mission_type == self._kind:
             self._state = _State.IDLE
         elif self._state is _State.GETTING:
@@ -346,14 +334,14 @@ class Px4Transfer:
 
     def _on_set_current(self, message: Any, _peer: MissionPeer, _now: float) -> None:
         if self._state is not _State.IDLE:
-            self._send_text(CRITICAL, "WPM: IGN WP CURR CMD: Busy")
+            self._vehicle.send_text(CRITICAL, "WPM: IGN WP CURR CMD: Busy")
         elif message.seq >= self._mission.count:
-            self._send_text(CRITICAL, "WPM: WP CURR CMD: Not in list")
+            self._vehicle.send_text(CRITICAL, "WPM: WP CURR CMD: Not in list")
         else:
-            self._set_current(message.seq)
+            self._mission.set_current(message.seq)
 
     def _acknowledge(self, peer: MissionPeer, result: int, opaque_id: int = 0) -> None:
-        self._send(ack_message(peer, result, self._kind, opaque_id))
+        self._vehicle.send(ack_message(peer, result, self._kind, opaque_id))
 
 
 def _framed(item: Item, *, absolute: bool, as_int: bool) -> Item:
