@@ -1,1 +1,1 @@
-"""Files of a vehicle: MAVLink FTP, flight logs, component metadata. Begin with `vehicle_files`."""
+"""Files of a vehicle: MAVLink FTP, flight logs, component metadata. Begin with `filesystem`."""

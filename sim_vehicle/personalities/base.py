@@ -7,7 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from sim_vehicle.files.logs.recorder import LogLimits
+from sim_vehicle.files.filesystem import FileSystem
+from sim_vehicle.files.ftp_rules import FtpRules
+from sim_vehicle.files.log_transfer import LogRules
+from sim_vehicle.files.logs.record import FlightLog
+from sim_vehicle.files.logs.recorder import FlightRecorder
 from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
 from sim_vehicle.vehicle.interface import CommandHandler, OneShotMessage, RemoteInput, Vehicle
@@ -125,6 +129,16 @@ class FailsafeRules:
 
 
 @dataclass(frozen=True, slots=True)
+class StorageRules:
+    """Flight logs, and the files of ground stations: `storage`."""
+
+    new_log: Callable[[], FlightLog]  # an empty log in the autopilot's format
+    files: Callable[[Vehicle, FlightRecorder], FileSystem]  # the file tree, which can include the logs
+    ftp: FtpRules
+    logs: LogRules
+
+
+@dataclass(frozen=True, slots=True)
 class Personality:
     """One autopilot's data for one kind of airframe: a record for each part of the vehicle."""
 
@@ -138,7 +152,7 @@ class Personality:
     telemetry: TelemetryRules
     mission: MissionRules
     remote: Callable[[Vehicle], RemoteInput]
-    storage: Callable[[Vehicle, LogLimits], Any]  # logs and files
+    storage: StorageRules
     setpoints: SetpointRules
     ready_s: float  # time from boot to a position estimate
     home: HomeRules = HomeRules()

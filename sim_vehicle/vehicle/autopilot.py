@@ -36,6 +36,7 @@ from sim_vehicle.vehicle.publish import publish
 from sim_vehicle.vehicle.readiness import Readiness
 from sim_vehicle.vehicle.sender import Sender
 from sim_vehicle.vehicle.setpoints import Setpoints
+from sim_vehicle.vehicle.storage import Storage
 from sim_vehicle.wire.outbox import Outbox
 from sim_vehicle.wire.signing import Signing
 from sim_vehicle.wire.status import Status
@@ -112,7 +113,7 @@ class Autopilot:
         self.transfer = personality.mission.transfer(self)
         self.jobs = Jobs(self.sender.acknowledge)
         self.setpoints = Setpoints(self)
-        self.storage = personality.storage(self, log_limits)
+        self.storage = Storage(self, log_limits)
         self._ready_s = ready_s
         self._next_idle_s = float(rng.random())
         # Few phases, so that the fleet encodes 1 Hz messages of many vehicles at a time.

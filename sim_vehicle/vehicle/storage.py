@@ -1,14 +1,11 @@
 """Storage of one vehicle: flight logs and the files that ground stations read."""
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from sim_vehicle.epoch import EPOCH_US
-from sim_vehicle.files.filesystem import FileSystem
 from sim_vehicle.files.ftp import FtpServer
-from sim_vehicle.files.ftp_rules import FtpRules
-from sim_vehicle.files.log_transfer import LogRules, LogTransfer
+from sim_vehicle.files.log_transfer import LogTransfer
 from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogStart, LogWhen
 from sim_vehicle.files.logs.recorder import FlightRecorder, LogLimits
 from sim_vehicle.physics.geodesy import GeodeticPosition
@@ -38,34 +35,17 @@ class _LoggedState(NamedTuple):
 
 
 class Storage:
-    """The logs and files of one vehicle.
+    """The logs and files of one vehicle; `limits` are the size limits of the logs."""
 
-    Parameters
-    ----------
-    vehicle: the owner of the logs and files.
-    new_log: creates an empty log in the autopilot's format.
-    files: creates the file tree, which can include the logs.
-    ftp_rules, log_rules: the autopilot's rules for transfers of files and logs.
-    limits: size limits of the logs.
-    """
-
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        *,
-        new_log: Callable[[], FlightLog],
-        files: Callable[[FlightRecorder], FileSystem],
-        ftp_rules: FtpRules,
-        log_rules: LogRules,
-        limits: LogLimits,
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, limits: LogLimits) -> None:
+        rules = vehicle.personality.storage
         self._vehicle = vehicle
-        self.recorder = FlightRecorder(new_log, limits)
-        self._ftp = FtpServer(files(self.recorder), ftp_rules, send=vehicle.send)
+        self.recorder = FlightRecorder(rules.new_log, limits)
+        self._ftp = FtpServer(rules.files(vehicle, self.recorder), rules.ftp, send=vehicle.send)
         self._transfer = LogTransfer(
             lambda: self.recorder.logs,
             erase=self.recorder.erase,
-            rules=log_rules,
+            rules=rules.logs,
             send=vehicle.send,
             send_text=vehicle.send_text,
             armed=lambda: vehicle.armed,

@@ -9,15 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 from pymavlink import mavftp
+from station import fleet_of
 
 from sim_vehicle.files import ftp_rules as ftp
-from sim_vehicle.files.component_metadata import Component, ComponentMetadata
 from sim_vehicle.files.filesystem import FileError, FileSystem
 from sim_vehicle.files.ftp_rules import FtpError, Opcode
-from sim_vehicle.files.logs.dataflash import DataFlashLog
-from sim_vehicle.files.logs.recorder import FlightRecorder, LogLimits, StoredLog
+from sim_vehicle.files.logs.recorder import StoredLog
 from sim_vehicle.files.packed_files import Parameter, pack_parameters, unpack_mission, unpack_parameters
-from sim_vehicle.files.vehicle_files import px4_files, px4_log_name
+from sim_vehicle.personalities.px4.storage import files as px4_files
+from sim_vehicle.personalities.px4.storage import log_name
 
 NAMES = st.text(alphabet="ABC_12", min_size=1, max_size=16)
 VALUES = st.one_of(st.integers(-(2**31), 2**31 - 1), st.floats(width=32, allow_nan=False))
@@ -109,8 +109,8 @@ def names(files: FileSystem, path: str) -> list[str]:
 
 
 def test_the_file_tree_of_px4_has_the_metadata() -> None:
-    metadata = ComponentMetadata(Component("PX4", "sim", "1.15.0"), {"A": 1})
-    files = px4_files(metadata=lambda: metadata, recorder=FlightRecorder(DataFlashLog, LogLimits()))
+    vehicle = fleet_of(personality="px4").vehicles[0]
+    files = px4_files(vehicle, vehicle.storage.recorder)
     assert names(files, "/etc/extras") == ["component_general.json.xz", "parameters.json.xz"]
     client = FtpClient(files, ftp.PX4)
     assert client.one(Opcode.REMOVE_FILE, b"/etc/extras/parameters.json.xz").error == FtpError.FAIL_ERRNO
@@ -120,4 +120,4 @@ def test_the_file_tree_of_px4_has_the_metadata() -> None:
     ("utc_s", "name"), [(0, "1970-01-01/00_00_00.ulg"), (1_735_689_599, "2024-12-31/23_59_59.ulg")]
 )
 def test_logs_of_px4_are_named_by_date_and_time(utc_s: float, name: str) -> None:
-    assert px4_log_name(StoredLog(1, utc_s, utc_s, bytearray())) == name
+    assert log_name(StoredLog(1, utc_s, utc_s, bytearray())) == name

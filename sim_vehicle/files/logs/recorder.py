@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from sim_vehicle.epoch import EPSILON_S
+from sim_vehicle.files.filesystem import GeneratedFile
 from sim_vehicle.files.logs.record import FlightLog, LogStart, Sample
 
 FLEET_BYTES = 256 << 20  # total size of the logs of all vehicles
@@ -92,6 +93,14 @@ class FlightRecorder:
         if self._log is not None and log is self.logs[-1]:
             self._log, self._due_s = None, math.inf
         self.logs.remove(log)
+
+    def file_of(self, log: StoredLog) -> GeneratedFile:
+        """Return a log as a file; its removal erases the log."""
+        return GeneratedFile(
+            read=lambda _query: bytes(log.content),
+            size=lambda: len(log.content),
+            remove=lambda: self.remove(log),
+        )
 
     def due(self, now: float) -> bool:
         """Return True if a sample is due at `now` [s]."""

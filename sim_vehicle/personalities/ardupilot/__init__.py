@@ -13,7 +13,7 @@ from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES,
 from sim_vehicle.personalities.ardupilot.receivers import RECEIVERS
 from sim_vehicle.personalities.ardupilot.remote import Remote, stick_refusals
 from sim_vehicle.personalities.ardupilot.setpoints import read_setpoint
-from sim_vehicle.personalities.ardupilot.storage import storage
+from sim_vehicle.personalities.ardupilot.storage import STORAGE
 from sim_vehicle.personalities.ardupilot.transfer import ArduPilotTransfer
 from sim_vehicle.personalities.base import (
     ArmingRules,
@@ -211,7 +211,7 @@ _COPTER = Personality(
     mission=MissionRules(make=Mission, transfer=ArduPilotTransfer, store_item=store_item, home_item=True),
     failsafes=FailsafeRules(disarms=True, battery_latches=True, fence_limits_latch=True),
     remote=Remote,
-    storage=storage,
+    storage=STORAGE,
     setpoints=SetpointRules(read_setpoint),
     ready_s=41.0,
 )

@@ -1,24 +1,32 @@
 """ArduPilot's logs and files: DataFlash, packed parameters and missions, and `@SYS` as in software."""
 
 import errno
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files import ftp_rules, log_transfer
-from sim_vehicle.files.filesystem import FileError, GeneratedFile
+from sim_vehicle.files.filesystem import FileError, FileSystem, GeneratedFile, constant
 from sim_vehicle.files.logs.dataflash import DataFlashLog
-from sim_vehicle.files.logs.recorder import LogLimits
-from sim_vehicle.files.packed_files import Parameter, UploadedMission
-from sim_vehicle.files.vehicle_files import ardupilot_files
+from sim_vehicle.files.logs.recorder import FlightRecorder
+from sim_vehicle.files.packed_files import (
+    Parameter,
+    UploadedMission,
+    pack_mission,
+    pack_parameters,
+    unpack_mission,
+    unpack_parameters,
+)
 from sim_vehicle.personalities.ardupilot.stores import Store
 from sim_vehicle.personalities.ardupilot.transfer import ArduPilotTransfer
+from sim_vehicle.personalities.base import StorageRules
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item
-from sim_vehicle.vehicle.mission_messages import MISSION, item_from_message, item_message
-from sim_vehicle.vehicle.storage import Storage
+from sim_vehicle.vehicle.mission_messages import FENCE, MISSION, RALLY, item_from_message, item_message
 
+_LOGS = "APM/LOGS"
+_MISSION_FILES = {"mission": MISSION, "fence": FENCE, "rally": RALLY}
 _NO_PEER = (0, 0)  # target of the items in a file
 
 # Files under @SYS; most are listed and cannot be opened.
@@ -58,48 +66,63 @@ _SYSTEM_FILES = {
 }
 
 
-def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
-    """Return the storage of one vehicle."""
-    transfer = vehicle.transfer
-    assert isinstance(transfer, ArduPilotTransfer)
-    stores, params = transfer.stores, vehicle.params
+def files(vehicle: Vehicle, recorder: FlightRecorder) -> FileSystem:
+    """Return ArduPilot's tree: `@PARAM`, `@MISSION`, `@SYS` and the logs; `/APM` is writable."""
+    fixed = {"@PARAM/param.pck": _parameter_file(vehicle)}
+    fixed |= {f"@MISSION/{name}.dat": _mission_file(vehicle, kind) for name, kind in _MISSION_FILES.items()}
+    fixed |= {f"@SYS/{name}": file for name, file in _SYSTEM_FILES.items()}
 
-    def parameters() -> list[Parameter]:
+    def sources() -> Mapping[str, GeneratedFile]:
+        logs = {f"{_LOGS}/{log.number:08d}.BIN": recorder.file_of(log) for log in recorder.logs}
+        if recorder.logs:
+            logs[f"{_LOGS}/LASTLOG.TXT"] = constant(b"%d\r\n" % recorder.logs[-1].number)
+        return {**fixed, **logs}
+
+    return FileSystem(sources, writable=("APM",))
+
+
+STORAGE = StorageRules(DataFlashLog, files, ftp_rules.ARDUPILOT, log_transfer.ARDUPILOT)
+
+
+def _parameter_file(vehicle: Vehicle) -> GeneratedFile:
+    params = vehicle.params
+
+    def packed(query: str = "") -> bytes:
         defaults = params.defaults
-        return [Parameter(name, value, defaults[name], params.bits(name)) for name, value in params.items()]
+        rows = [Parameter(name, value, defaults[name], params.bits(name)) for name, value in params.items()]
+        return pack_parameters(rows, query)
 
-    def set_parameter(name: str, value: float) -> None:
-        if name in params:
-            vehicle.set_parameter(name, value)
+    def read(query: str) -> bytes:
+        for text in vehicle.personality.identity.banner:  # announces a download
+            vehicle.send_text(mavlink.MAV_SEVERITY_INFO, text)
+        return packed(query)
 
-    def set_items(kind: int, upload: UploadedMission) -> bool:
-        if vehicle.injected_faults.mission_refusal is not None:
+    def write(content: bytes) -> bool:
+        values = unpack_parameters(content)
+        for name, value in (values or {}).items():
+            if name in params:
+                vehicle.set_parameter(name, value)
+        return values is not None
+
+    return GeneratedFile(read, lambda: len(packed()), write)
+
+
+def _mission_file(vehicle: Vehicle, kind: int) -> GeneratedFile:
+    transfer: ArduPilotTransfer = vehicle.transfer
+    store = transfer.stores[kind]
+
+    def packed() -> bytes:
+        return pack_mission(kind, _items(store, kind))
+
+    def write(content: bytes) -> bool:
+        upload = unpack_mission(kind, content)
+        if upload is None or vehicle.injected_faults.mission_refusal is not None:
             return False
-        accepted = _write(stores[kind], upload, may_update=kind == MISSION)
+        accepted = _write(store, upload, may_update=kind == MISSION)
         transfer.count_stored(kind)
         return accepted
 
-    return Storage(
-        vehicle,
-        new_log=DataFlashLog,
-        files=lambda recorder: ardupilot_files(
-            parameters=parameters,
-            set_parameter=set_parameter,
-            banner=lambda: _banner(vehicle),
-            items=lambda kind: _items(stores[kind], kind),
-            set_items=set_items,
-            recorder=recorder,
-            system=_SYSTEM_FILES,
-        ),
-        ftp_rules=ftp_rules.ARDUPILOT,
-        log_rules=log_transfer.ARDUPILOT,
-        limits=limits,
-    )
-
-
-def _banner(vehicle: Vehicle) -> None:
-    for text in vehicle.personality.identity.banner:
-        vehicle.send_text(mavlink.MAV_SEVERITY_INFO, text)
+    return GeneratedFile(lambda _query: packed(), lambda: len(packed()), write)
 
 
 def _items(store: Store, kind: int) -> Iterator[Any]:

@@ -199,7 +199,7 @@ _COPTER = Personality(
     home=HomeRules(with_position=True, is_local=True),
     failsafes=FailsafeRules(modes={FailsafeAction.TERMINATE: TERMINATION}),
     remote=Remote,
-    storage=storage.storage,
+    storage=storage.STORAGE,
     setpoints=SetpointRules(read_setpoint, resumes=True),
     ready_s=READY_S,
 )

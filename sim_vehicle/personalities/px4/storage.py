@@ -1,8 +1,10 @@
 """PX4's logs and files: ULog and the component metadata."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
+
+import numpy as np
 
 from sim_vehicle.definitions import (
     COMPONENT_INFORMATION,
@@ -12,24 +14,33 @@ from sim_vehicle.definitions import (
 )
 from sim_vehicle.files import ftp_rules, log_transfer
 from sim_vehicle.files.component_metadata import Component, ComponentMetadata
-from sim_vehicle.files.logs.recorder import LogLimits
+from sim_vehicle.files.filesystem import FileSystem, GeneratedFile, constant
+from sim_vehicle.files.logs.recorder import FlightRecorder, StoredLog
 from sim_vehicle.files.logs.ulog import UlogLog
-from sim_vehicle.files.vehicle_files import px4_files
+from sim_vehicle.personalities.base import StorageRules
 from sim_vehicle.personalities.px4 import parameters
 from sim_vehicle.vehicle.interface import Vehicle
-from sim_vehicle.vehicle.storage import Storage
+
+_LOGS = "fs/microsd/log"
 
 
-def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
-    """Return the storage of one vehicle."""
-    return Storage(
-        vehicle,
-        new_log=UlogLog,
-        files=lambda recorder: px4_files(metadata=lambda: _metadata_of(vehicle), recorder=recorder),
-        ftp_rules=ftp_rules.PX4,
-        log_rules=log_transfer.PX4,
-        limits=limits,
-    )
+def files(vehicle: Vehicle, recorder: FlightRecorder) -> FileSystem:
+    """Return PX4's tree: the metadata files, and logs by date on the writable SD card (`/fs/microsd`)."""
+
+    def sources() -> Mapping[str, GeneratedFile]:
+        fixed = {path: constant(content) for path, content in _metadata_of(vehicle).files.items()}
+        return {**fixed, **{f"{_LOGS}/{log_name(log)}": recorder.file_of(log) for log in recorder.logs}}
+
+    return FileSystem(sources, writable=("fs/microsd",))
+
+
+def log_name(log: StoredLog) -> str:
+    """Return the path of a log on the SD card, `YYYY-MM-DD/hh_mm_ss.ulg` of its start (UTC)."""
+    date, time = str(np.datetime64(max(int(log.begun_utc_s), 0), "s")).split("T")
+    return f"{date}/{time.replace(':', '_')}.ulg"
+
+
+STORAGE = StorageRules(UlogLog, files, ftp_rules.PX4, log_transfer.PX4)
 
 
 def _metadata_of(vehicle: Vehicle) -> ComponentMetadata:
