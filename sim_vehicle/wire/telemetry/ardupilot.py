@@ -10,7 +10,7 @@ from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import Bools
 from sim_vehicle.wire.telemetry.motion import ekf_status_report
 from sim_vehicle.wire.telemetry.sensors import magnetic_field_mgauss, scaled_pressure, wind
-from sim_vehicle.wire.telemetry.view import UNKNOWN_I16, Columns, View
+from sim_vehicle.wire.telemetry.view import UNKNOWN_I16, Columns, View, named, north_east_down
 
 FREE_MEMORY_BYTES, MAX_U16 = 524_288, 65_535
 BOARD_MV = 5000
@@ -80,25 +80,22 @@ def ahrs(_v: View) -> Columns:
 def ahrs2(v: View) -> Columns:
     """Return the second estimate, which is equal to the first."""
     lat, lon = v.e7()
-    roll, pitch, yaw = v.world.dynamics.attitude_rad[v.i].T
     return {
-        "roll": roll,
-        "pitch": pitch,
-        "yaw": yaw,
+        **named(("roll", "pitch", "yaw"), v.world.dynamics.attitude_rad[v.i]),
         "altitude": v.world.estimate_m[v.i, 2],
         "lat": lat,
         "lng": lon,
     }
 
 
-def _true_motion(v: View) -> dict[str, Floats]:
+def _true_motion(v: View) -> Columns:
     """Return attitude, specific force and body rates without errors."""
     dynamics, i = v.world.dynamics, v.i
-    values = np.vstack(
-        [dynamics.attitude_rad[i].T, dynamics.specific_force_m_s2[i].T, dynamics.rates_rad_s[i].T]
-    )
-    names = ("roll", "pitch", "yaw", "xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro")
-    return dict(zip(names, values, strict=True))
+    return {
+        **named(("roll", "pitch", "yaw"), dynamics.attitude_rad[i]),
+        **named(("xacc", "yacc", "zacc"), dynamics.specific_force_m_s2[i]),
+        **named(("xgyro", "ygyro", "zgyro"), dynamics.rates_rad_s[i]),
+    }
 
 
 def _true_e7(v: View) -> tuple[Floats, Floats]:
@@ -116,18 +113,15 @@ def sim_state(v: View) -> Columns:
     """Return the true state; as in ArduPilot, `lat` and `lon` are also in 1e-7 deg."""
     dynamics, i = v.world.dynamics, v.i
     lat, lon = _true_e7(v)
-    velocity = dynamics.velocity_m_s[i]
     return {
         **_true_motion(v),
-        **dict(zip(("q1", "q2", "q3", "q4"), quaternions(dynamics.attitude_rad[i]).T, strict=True)),
+        **named(("q1", "q2", "q3", "q4"), quaternions(dynamics.attitude_rad[i])),
         "lat": lat,
         "lon": lon,
         "lat_int": lat,
         "lon_int": lon,
         "alt": dynamics.position_m[i, 2],
-        "vn": velocity[:, 1],
-        "ve": velocity[:, 0],
-        "vd": -velocity[:, 2],
+        **north_east_down(("vn", "ve", "vd"), dynamics.velocity_m_s[i]),
     }
 
 
@@ -171,8 +165,7 @@ def airspeed(v: View) -> Columns:
 
 def scaled_imu3(v: View) -> Columns:
     """Return the third compass; there is no third inertial sensor."""
-    field = magnetic_field_mgauss(v)
-    return {"time_boot_ms": v.since_boot_ms(), "xmag": field[:, 0], "ymag": field[:, 1], "zmag": field[:, 2]}
+    return {"time_boot_ms": v.since_boot_ms(), **named(("xmag", "ymag", "zmag"), magnetic_field_mgauss(v))}
 
 
 def meminfo(_v: View) -> Columns:
@@ -225,13 +218,10 @@ def esc_telemetry_1_to_4(v: View) -> Columns:
 
 def autopilot_state_for_gimbal_device(v: View) -> Columns:
     dynamics, i = v.world.dynamics, v.i
-    velocity = v.world.estimate_velocity_m_s[i]
     return {
         "time_boot_us": v.since_boot_us(),
         "q": quaternions(dynamics.attitude_rad[i]),
-        "vx": velocity[:, 1],
-        "vy": velocity[:, 0],
-        "vz": -velocity[:, 2],
+        **north_east_down(("vx", "vy", "vz"), v.world.estimate_velocity_m_s[i]),
         "estimator_status": ekf_status_report(v)["flags"],
         "angular_velocity_z": dynamics.rates_rad_s[i, 2],
     }

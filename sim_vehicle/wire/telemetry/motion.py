@@ -7,7 +7,7 @@ from sim_vehicle.physics.attitude import quaternions
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import EPH_M
 from sim_vehicle.physics.motion import Bools, MotionOrder
-from sim_vehicle.wire.telemetry.view import Columns, Ints, View
+from sim_vehicle.wire.telemetry.view import Columns, Ints, View, named, north_east_down
 
 EKF_NO_POSITION = (
     mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_VERT | mavlink.EKF_POS_VERT_ABS | mavlink.EKF_CONST_POS_MODE
@@ -33,52 +33,38 @@ def global_position_int(v: View) -> Columns:
         "lon": lon,
         "alt": v.world.estimate_m[v.i, 2] * 1000,
         "relative_alt": v.height_m() * 1000,
-        "vx": velocity[:, 1],
-        "vy": velocity[:, 0],
-        "vz": -velocity[:, 2],
+        **north_east_down(("vx", "vy", "vz"), velocity),
         "hdg": np.rint(v.heading_deg() * 100) % 36_000,
     }
 
 
 def local_position_ned(v: View) -> Columns:
+    return {"time_boot_ms": v.since_boot_ms(), **place_and_velocity(v)}
+
+
+def place_and_velocity(v: View) -> Columns:
     """Return the position relative to the origin, and the velocity."""
     offset_m = v.world.estimate_m[v.i] - v.status.origin_m[v.i]
     velocity = v.world.estimate_velocity_m_s[v.i]
-    return {
-        "time_boot_ms": v.since_boot_ms(),
-        "x": offset_m[:, 1],
-        "y": offset_m[:, 0],
-        "z": -offset_m[:, 2],
-        "vx": velocity[:, 1],
-        "vy": velocity[:, 0],
-        "vz": -velocity[:, 2],
-    }
+    return {**north_east_down(("x", "y", "z"), offset_m), **north_east_down(("vx", "vy", "vz"), velocity)}
 
 
 def attitude(v: View) -> Columns:
-    angles = v.world.dynamics.attitude_rad[v.i]
     return {
         "time_boot_ms": v.since_boot_ms(),
-        "roll": angles[:, 0],
-        "pitch": angles[:, 1],
-        "yaw": angles[:, 2],
+        **named(("roll", "pitch", "yaw"), v.world.dynamics.attitude_rad[v.i]),
         **body_rates(v),
     }
 
 
 def body_rates(v: View) -> Columns:
-    rates = v.world.dynamics.rates_rad_s[v.i]
-    return {"rollspeed": rates[:, 0], "pitchspeed": rates[:, 1], "yawspeed": rates[:, 2]}
+    return named(("rollspeed", "pitchspeed", "yawspeed"), v.world.dynamics.rates_rad_s[v.i])
 
 
 def attitude_quaternion(v: View) -> Columns:
-    q = quaternions(v.world.dynamics.attitude_rad[v.i])
     return {
         "time_boot_ms": v.since_boot_ms(),
-        "q1": q[:, 0],
-        "q2": q[:, 1],
-        "q3": q[:, 2],
-        "q4": q[:, 3],
+        **named(("q1", "q2", "q3", "q4"), quaternions(v.world.dynamics.attitude_rad[v.i])),
         **body_rates(v),
     }
 
@@ -118,6 +104,7 @@ UNUSED_BITS = 0xF000  # set by ArduPilot in POSITION_TARGET_GLOBAL_INT
 XYZ_BITS = np.array([[1], [2], [4]])
 TO_A_POINT = (MotionOrder.POSITION, MotionOrder.FOLLOW)  # orders of a flight to a position
 SET_POINT = ("vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
+
 NED_SIGNS = np.array([[1.0], [1.0], [-1.0]])  # factors from north, east, up to north, east, down
 
 

@@ -7,9 +7,9 @@ from sim_vehicle.physics.attitude import quaternions
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import EPH_M
 from sim_vehicle.physics.motion import GRAVITY_M_S2
-from sim_vehicle.wire.telemetry.motion import body_rates, local_position_ned
+from sim_vehicle.wire.telemetry.motion import body_rates, place_and_velocity
 from sim_vehicle.wire.telemetry.sensors import output_us
-from sim_vehicle.wire.telemetry.view import Columns, View
+from sim_vehicle.wire.telemetry.view import Columns, View, north_east_down
 
 UNKNOWN_TIME_S = -1
 OUTPUTS = 4  # motors or servos
@@ -56,36 +56,29 @@ def hil_state_quaternion(v: View) -> Columns:
     """Return the true state, as PX4's simulators do; the time stays 0 as in PX4."""
     dynamics, i = v.world.dynamics, v.i
     lat_deg, lon_deg = v.world.frame.to_geodetic(dynamics.position_m[i, 0], dynamics.position_m[i, 1])
-    velocity = dynamics.velocity_m_s[i] * 100
-    acceleration_mg = dynamics.acceleration_m_s2[i] * (1000 / GRAVITY_M_S2)
     return {
         "attitude_quaternion": quaternions(dynamics.attitude_rad[i]),
         **body_rates(v),
         "lat": lat_deg * 1e7,
         "lon": lon_deg * 1e7,
         "alt": dynamics.position_m[i, 2] * 1000,
-        "vx": velocity[:, 1],
-        "vy": velocity[:, 0],
-        "vz": -velocity[:, 2],
-        "xacc": acceleration_mg[:, 1],
-        "yacc": acceleration_mg[:, 0],
-        "zacc": -acceleration_mg[:, 2],
+        **north_east_down(("vx", "vy", "vz"), dynamics.velocity_m_s[i] * 100),
+        **north_east_down(("xacc", "yacc", "zacc"), dynamics.acceleration_m_s2[i] * (1000 / GRAVITY_M_S2)),
     }
 
 
 def odometry(v: View) -> Columns:
     """Return position and velocity (north, east, down), attitude and body rates."""
-    local = local_position_ned(v)
     pose, velocity = (np.full((len(v.i), 21), np.nan) for _ in range(2))
     pose[:, DIAGONAL[:2]] = EPH_M**2
     pose[:, DIAGONAL[2]] = EPH_M**2 * 1.6**2
     pose[:, DIAGONAL[3:]] = ANGLE_VARIANCE_RAD2
     velocity[:, DIAGONAL[:3]] = VELOCITY_VARIANCE_M2_S2
     return {
+        **place_and_velocity(v),
         "time_usec": v.since_boot_us(),
         "frame_id": mavlink.MAV_FRAME_LOCAL_NED,
         "child_frame_id": mavlink.MAV_FRAME_LOCAL_NED,
-        **{name: local[name] for name in ("x", "y", "z", "vx", "vy", "vz")},
         "q": quaternions(v.world.dynamics.attitude_rad[v.i]),
         **body_rates(v),
         "pose_covariance": pose,

@@ -7,7 +7,15 @@ from sim_vehicle.epoch import EPOCH_US
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import EPH_M, SATELLITES
 from sim_vehicle.physics.motion import GRAVITY_M_S2
-from sim_vehicle.wire.telemetry.view import UNKNOWN, UNKNOWN_I16, UNKNOWN_U16, Columns, View
+from sim_vehicle.wire.telemetry.view import (
+    UNKNOWN,
+    UNKNOWN_I16,
+    UNKNOWN_U16,
+    Columns,
+    View,
+    named,
+    north_east_down,
+)
 
 SEA_LEVEL_HPA, SEA_LEVEL_K = 1013.25, 288.15
 FIELD_MGAUSS = (214.0, 9.0, 421.0)  # the earth's magnetic field in Ljubljana: north, east, down
@@ -78,12 +86,9 @@ def wind(v: View) -> Columns:
 
 
 def wind_cov(v: View) -> Columns:
-    east, north, up = v.world.wind.wind_m_s[v.i].T
     return {
         "time_usec": v.since_boot_us(),
-        "wind_x": north,
-        "wind_y": east,
-        "wind_z": -up,
+        **north_east_down(("wind_x", "wind_y", "wind_z"), v.world.wind.wind_m_s[v.i]),
         "wind_alt": v.world.estimate_m[v.i, 2],
     }
 
@@ -111,19 +116,10 @@ def magnetic_field_mgauss(v: View) -> Floats:
 
 
 def scaled_imu(v: View) -> Columns:
-    force_mg = v.world.dynamics.specific_force_m_s2[v.i] / GRAVITY_M_S2 * 1000
-    rates_mrad_s = v.world.dynamics.rates_rad_s[v.i] * 1000
-    field_mgauss = magnetic_field_mgauss(v)
     return {
-        "xacc": force_mg[:, 0],
-        "yacc": force_mg[:, 1],
-        "zacc": force_mg[:, 2],
-        "xgyro": rates_mrad_s[:, 0],
-        "ygyro": rates_mrad_s[:, 1],
-        "zgyro": rates_mrad_s[:, 2],
-        "xmag": field_mgauss[:, 0],
-        "ymag": field_mgauss[:, 1],
-        "zmag": field_mgauss[:, 2],
+        **named(("xacc", "yacc", "zacc"), v.world.dynamics.specific_force_m_s2[v.i] / GRAVITY_M_S2 * 1000),
+        **named(("xgyro", "ygyro", "zgyro"), v.world.dynamics.rates_rad_s[v.i] * 1000),
+        **named(("xmag", "ymag", "zmag"), magnetic_field_mgauss(v)),
     }
 
 
@@ -136,20 +132,12 @@ def raw_imu(v: View) -> Columns:
 
 
 def highres_imu(v: View) -> Columns:
-    force, rates = v.world.dynamics.specific_force_m_s2[v.i], v.world.dynamics.rates_rad_s[v.i]
-    field_gauss = magnetic_field_mgauss(v) / 1000
     up_m = v.world.estimate_m[v.i, 2]
     return {
         "time_usec": v.since_boot_us(),
-        "xacc": force[:, 0],
-        "yacc": force[:, 1],
-        "zacc": force[:, 2],
-        "xgyro": rates[:, 0],
-        "ygyro": rates[:, 1],
-        "zgyro": rates[:, 2],
-        "xmag": field_gauss[:, 0],
-        "ymag": field_gauss[:, 1],
-        "zmag": field_gauss[:, 2],
+        **named(("xacc", "yacc", "zacc"), v.world.dynamics.specific_force_m_s2[v.i]),
+        **named(("xgyro", "ygyro", "zgyro"), v.world.dynamics.rates_rad_s[v.i]),
+        **named(("xmag", "ymag", "zmag"), magnetic_field_mgauss(v) / 1000),
         "abs_pressure": _pressure_hpa(up_m),
         "pressure_alt": up_m,
         "temperature": SEA_LEVEL_K - 0.0065 * up_m - 273.15,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim_vehicle.wire.telemetry.view import Columns, View
+from sim_vehicle.wire.telemetry.view import Columns, View, north_east_down
 
 LOAD_PER_MILLE = 100  # of the main loop
 
@@ -56,9 +56,7 @@ def home_position(v: View) -> Columns:
     local_m = np.column_stack([east_m, north_m, s.home_amsl_m[i]]) - s.origin_m[i]
     local_m *= s.home_is_local[i, None]
     return {
-        "x": local_m[:, 1],
-        "y": local_m[:, 0],
-        "z": -local_m[:, 2],
+        **north_east_down(("x", "y", "z"), local_m),
         "latitude": s.home_e7[i, 0],
         "longitude": s.home_e7[i, 1],
         "altitude": s.home_amsl_m[i] * 1000,

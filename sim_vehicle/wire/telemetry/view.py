@@ -1,6 +1,6 @@
 """Access of the message builders to the fleet's columns."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,17 @@ Columns = Mapping[str, Any]
 UNKNOWN_U16 = 65_535
 UNKNOWN_I16 = 32_767
 UNKNOWN = -1
+
+
+def named(names: Sequence[str], values: Floats) -> Columns:
+    """Return a column for each of k names, from values (n, k)."""
+    return dict(zip(names, values.T, strict=True))
+
+
+def north_east_down(names: tuple[str, str, str], east_north_up: Floats) -> Columns:
+    """Return vectors east, north, up, (n, 3), as columns with three names for north, east and down."""
+    east, north, up = east_north_up.T
+    return dict(zip(names, (north, east, -up), strict=True))
 
 
 @dataclass(slots=True)
