@@ -72,7 +72,7 @@ class Flight:
 
     def parameters_changed(self, before: FlightParameters) -> None:
         """Apply changed parameters; a limit set in flight stays unless its parameter changed."""
-        old, new = _limits(before), _limits(self.flight_parameters)
+        old, new = vars(before.limits), vars(self.flight_parameters.limits)
         self._set_in_flight = {
             name: value for name, value in self._set_in_flight.items() if old[name] == new[name]
         }
@@ -81,7 +81,7 @@ class Flight:
     def apply_limits(self) -> None:
         """Set the airframe's limits: from the parameters, then from commands in flight."""
         parameters = self.flight_parameters
-        self.body.limit(**_limits(parameters) if self.body.plane else vars(parameters.limits))
+        self.body.limit(**vars(parameters.limits))
         self.body.limit(**self._set_in_flight)
         self.body.set_wind(*parameters.wind)
         self.body.set_battery(capacity_mah=parameters.battery.capacity_mah, full_v=parameters.battery.full_v)
@@ -327,7 +327,3 @@ class ReturnByMission:
             return done
         self._begin_next()
         return False
-
-
-def _limits(parameters: FlightParameters) -> dict[str, float]:
-    return vars(parameters.limits) | vars(parameters.wing)

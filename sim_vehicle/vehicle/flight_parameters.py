@@ -41,7 +41,7 @@ class RallyAltitude(Enum):
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of every airframe: `Body.limit`, with the same names."""
+    """Limits of the airframe: `Body.limit`, with the same names."""
 
     speed_m_s: float
     climb_m_s: float
@@ -52,12 +52,7 @@ class Limits:
     autopilot_jerk_m_s3: float = math.inf  # of a copter that speeds up to a position
     yaw_rate_deg_s: float = 60.0  # of a copter
     lift_off_s: float = 0.0  # least time from arming to the lift-off of a copter
-
-
-@dataclass(frozen=True)
-class WingLimits:
-    """Further limits of a plane: `Body.limit`, with the same names."""
-
+    # of a plane
     airspeed_min_m_s: float = 0.0
     airspeed_max_m_s: float = 0.0
     loiter_radius_m: float = 0.0
@@ -261,7 +256,6 @@ class FlightParameters:
     arming: ArmingParameters = ArmingParameters()
     mission: MissionParameters = MissionParameters()
     rally: RallyParameters = RallyParameters()
-    wing: WingLimits = WingLimits()
     wind: tuple[float | None, float] = (None, 0.0)  # see `Body.set_wind`
     failsafe_delay_s: float = 0.0  # hold before a return or landing by a failsafe
     logs: LogWhen = LogWhen.ARMED  # when to record logs

@@ -254,7 +254,7 @@ class Circling:
         self._flown_rad = 0.0
         self._last_bearing_rad: float | None = None
         if flight.body.plane:
-            flight.body.loiter(*centre_m, radius_m or flight.flight_parameters.wing.loiter_radius_m)
+            flight.body.loiter(*centre_m, radius_m or flight.flight_parameters.limits.loiter_radius_m)
         else:
             self._fly_to_point()
 

@@ -144,7 +144,7 @@ class MissionPilot:
         elif item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             self._manoeuvre = Return(flight)
         elif item.command == mavlink.MAV_CMD_NAV_LOITER_TURNS:
-            radius_m = item.param3 or flight.flight_parameters.wing.loiter_radius_m
+            radius_m = item.param3 or flight.flight_parameters.limits.loiter_radius_m
             self._manoeuvre = Circling(flight, self._target_m, finite(radius_m), finite(item.param1))
         elif item.command == mavlink.MAV_CMD_NAV_DELAY:
             flight.body.stop()
@@ -395,5 +395,5 @@ def circle_to_altitude(
     place_deg = following.place_deg if following is not None and aligned else None
     next_m = None if place_deg is None else flight.body.locate(*place_deg)
     item_radius_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT else 0.0
-    radius_m = item_radius_m or flight.flight_parameters.wing.loiter_radius_m
+    radius_m = item_radius_m or flight.flight_parameters.limits.loiter_radius_m
     return CircleToAltitude(flight, target_of(flight, item), radius_m, next_m, near_m)

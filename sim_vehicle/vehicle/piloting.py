@@ -130,8 +130,8 @@ class Piloting:
             pitch_rad = math.radians(range_deg) * -sticks.pitch
             flight.body.bank(bank_rad, pitch_rad=pitch_rad, throttle=sticks.throttle)
             return
-        flight_parameters = flight.flight_parameters
-        lowest, highest = flight_parameters.wing.airspeed_min_m_s, flight_parameters.wing.airspeed_max_m_s
+        airframe = flight.flight_parameters.limits
+        lowest, highest = airframe.airspeed_min_m_s, airframe.airspeed_max_m_s
         flight.limit(speed_m_s=lowest + (highest - lowest) * sticks.throttle)
         climb = -limits.response(sticks.pitch)
         flight.body.bank(bank_rad, climb_m_s=climb * (limits.climb_m_s if climb > 0 else limits.descent_m_s))

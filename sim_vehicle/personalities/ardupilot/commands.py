@@ -105,7 +105,7 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
         return FAILED
     if vehicle.body.plane:
         sign = -1.0 if command.param4 and math.isfinite(command.param4) else 1.0
-        radius_m = finite(command.param3) or vehicle.flight_parameters.wing.loiter_radius_m
+        radius_m = finite(command.param3) or vehicle.flight_parameters.limits.loiter_radius_m
         vehicle.flight.limit(loiter_radius_m=math.copysign(radius_m, sign))
         if command.param1 > 0:
             vehicle.flight.change_speed(mavlink.SPEED_TYPE_AIRSPEED, command.param1)

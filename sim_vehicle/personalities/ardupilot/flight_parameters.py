@@ -337,8 +337,6 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
             acceleration_m_s2=3.0,
             vertical_acceleration_m_s2=3.0,
             acceptance_radius_m=max(params["WP_RADIUS"], 1.0),
-        ),
-        wing=fp.WingLimits(
             airspeed_min_m_s=params["AIRSPEED_MIN"],
             airspeed_max_m_s=params["AIRSPEED_MAX"],
             loiter_radius_m=params["WP_LOITER_RAD"],

@@ -134,7 +134,6 @@ def _flight_parameters(
     returning: fp.ReturnParameters,
     landing: fp.LandingParameters,
     pilot: PilotLimits,
-    wing: fp.WingLimits,
     following: Following | None = None,
 ) -> FlightParameters:
     """Add the records that do not depend on the airframe."""
@@ -149,7 +148,6 @@ def _flight_parameters(
         returning=returning,
         landing=landing,
         pilot=pilot,
-        wing=wing,
         battery=_battery(params),
         arming=fp.ArmingParameters(
             disarm_landed_s=_positive_or_inf(params["COM_DISARM_LAND"]),
@@ -274,7 +272,6 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
             expo=params["MPC_XY_MAN_EXPO"],
             idle_throttle=params["MPC_MANTHR_MIN"],
         ),
-        wing=fp.WingLimits(),
     )
 
 
@@ -298,8 +295,6 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
             acceleration_m_s2=3.0,
             vertical_acceleration_m_s2=3.0,
             acceptance_radius_m=_switch_distance_m(params),
-        ),
-        wing=fp.WingLimits(
             airspeed_min_m_s=_positive(params["FW_AIRSPD_MIN"]),
             airspeed_max_m_s=_positive(params["FW_AIRSPD_MAX"]),
             loiter_radius_m=params["NAV_LOITER_RAD"],

@@ -80,6 +80,6 @@ def _is_landing(vehicle: Vehicle, first: int, last: int) -> bool:
     item = mission.items[entry]
     if mission.index > entry or item.command != mavlink.MAV_CMD_NAV_LOITER_TO_ALT:
         return mission.index > entry
-    radius_m = abs(finite(item.param2) or vehicle.flight_parameters.wing.loiter_radius_m)
+    radius_m = abs(finite(item.param2) or vehicle.flight_parameters.limits.loiter_radius_m)
     centre_m = distance_m(vehicle.body.lat_lon_deg, item.place_deg or (0.0, 0.0))
     return centre_m <= radius_m + vehicle.flight_parameters.limits.acceptance_radius_m
