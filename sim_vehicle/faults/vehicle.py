@@ -6,7 +6,7 @@ from pydantic import Field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults.base import EndFault, Fault, FaultTarget, Share, VehicleFault
-from sim_vehicle.vehicle.injected_faults import FaultEffect, MissionRefusal, ModeStuck
+from sim_vehicle.vehicle.injected_faults import FaultEffect, MissionRefusal
 
 Offset = Annotated[float, Field(ge=-1e6, le=1e6)]
 SENSORS = {
@@ -148,7 +148,7 @@ class StuckMode(VehicleFault):
     answer: Literal["accepted", "refused"] = Field(default="accepted", description="answer to a mode change")
 
     def effect(self) -> FaultEffect:
-        return FaultEffect(mode_stuck=ModeStuck(self.answer))
+        return FaultEffect(mode_stuck=self.answer == "accepted")
 
 
 class SensorUnhealthy(VehicleFault):

@@ -1,20 +1,17 @@
 """Injected faults of one vehicle, except faults of the link."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from enum import Enum
+import functools
+import operator
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
 from sim_vehicle.physics.world import World
 from sim_vehicle.wire.status import Status
 
-
-class ModeStuck(Enum):
-    """Answer to a mode change by a vehicle whose mode is stuck."""
-
-    ACCEPTED = "accepted"
-    REFUSED = "refused"
+Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,30 +22,51 @@ class MissionRefusal:
     at_item: int | None = None  # index of the refused item; None: MISSION_COUNT is refused
 
 
+def _sum(vectors: Sequence[Vector]) -> Vector:
+    return (sum(v[0] for v in vectors), sum(v[1] for v in vectors), sum(v[2] for v in vectors))
+
+
+def _latest(values: Sequence[Any]) -> Any:
+    return next((value for value in reversed(values) if value is not None), None)
+
+
+def _bits(masks: Sequence[int]) -> int:
+    return functools.reduce(operator.or_, masks)
+
+
+# Rules that combine the effects of several faults.
+_ANY, _SUM, _MIN, _MAX = ({"combine": rule} for rule in (any, sum, min, max))
+_VECTOR_SUM, _LATEST, _BITS = ({"combine": rule} for rule in (_sum, _latest, _bits))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultEffect:
-    """The effects of one fault; by default no effect."""
+    """The effects of a fault, or of all faults of a vehicle together."""
 
-    gps_lost: bool = False
-    gps_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # east, north, up
-    battery_sag_v: float = 0.0
-    battery_at_most: float = 1.0  # upper limit of the charge, as a share of the full charge
-    motors_lost: int = 0
-    rc_lost: bool = False
-    mission_refusal: MissionRefusal | None = None
-    ack_delay_s: float = 0.0
-    ack_loss: float = 0.0  # share of lost acknowledgements, in [0, 1]
-    mode_stuck: ModeStuck | None = None
-    unhealthy_sensors: int = 0  # MAV_SYS_STATUS_SENSOR bits
-    clock_drift_ppm: float = 0.0
+    gps_lost: bool = field(default=False, metadata=_ANY)
+    gps_offset_m: Vector = field(default=(0.0, 0.0, 0.0), metadata=_VECTOR_SUM)  # east, north, up
+    battery_sag_v: float = field(default=0.0, metadata=_SUM)
+    battery_at_most: float = field(default=1.0, metadata=_MIN)  # limit of the charge, as a share
+    motors_lost: int = field(default=0, metadata=_SUM)
+    rc_lost: bool = field(default=False, metadata=_ANY)
+    mission_refusal: MissionRefusal | None = field(default=None, metadata=_LATEST)
+    ack_delay_s: float = field(default=0.0, metadata=_MAX)
+    ack_loss: float = field(default=0.0, metadata=_MAX)  # share of lost acknowledgements, in [0, 1]
+    # mode changes are not carried out: True if they are acknowledged, False if they are refused
+    mode_stuck: bool | None = field(default=None, metadata=_LATEST)
+    unhealthy_sensors: int = field(default=0, metadata=_BITS)  # MAV_SYS_STATUS_SENSOR bits
+    clock_drift_ppm: float = field(default=0.0, metadata=_SUM)
+
+
+def _together(effects: Iterable[FaultEffect]) -> FaultEffect:
+    given = [FaultEffect(), *effects]
+    return FaultEffect(
+        **{f.name: f.metadata["combine"]([getattr(e, f.name) for e in given]) for f in fields(FaultEffect)}
+    )
 
 
 class InjectedFaults:
-    """The combined effects on one vehicle, as attributes with the names of `FaultEffect`.
-
-    - sum: position offset, battery sag, lost motors, clock drift
-    - largest: acknowledgement delay and loss; smallest: charge limit
-    - latest: mission refusal, stuck mode
+    """The faults of one vehicle; `effect` has their combined effects.
 
     changed: function (faults, now), called after each change.
     """
@@ -64,7 +82,7 @@ class InjectedFaults:
         self._next_key = 0
         self._clock_offset_s = 0.0
         self._clock_since_s = 0.0
-        self._combine()
+        self.effect = FaultEffect()
 
     def begin(self, effect: FaultEffect, now: float) -> Callable[[float], None]:
         """Add an effect at `now` [s] and return a function that ends the effect at a given time [s]."""
@@ -75,11 +93,11 @@ class InjectedFaults:
 
     def loses_ack(self) -> bool:
         """Draw a random number; return True if the next acknowledgement is lost."""
-        return self.ack_loss > 0 and bool(self._rng.random() < self.ack_loss)
+        return self.effect.ack_loss > 0 and bool(self._rng.random() < self.effect.ack_loss)
 
     def clock_offset_s(self, now: float) -> float:
         """Return the lead of the vehicle's clock at `now` [s], including drift of ended faults."""
-        return self._clock_offset_s + (now - self._clock_since_s) * self.clock_drift_ppm * 1e-6
+        return self._clock_offset_s + (now - self._clock_since_s) * self.effect.clock_drift_ppm * 1e-6
 
     def _set(self, key: int, effect: FaultEffect | None, now: float) -> None:
         self._clock_offset_s = self.clock_offset_s(now)
@@ -88,31 +106,8 @@ class InjectedFaults:
             self._effects.pop(key, None)
         else:
             self._effects[key] = effect
-        self._combine()
+        self.effect = _together(self._effects.values())
         self._changed(self, now)
-
-    def _combine(self) -> None:
-        effects = tuple(self._effects.values())
-        self.gps_lost = any(e.gps_lost for e in effects)
-        self.gps_offset_m = (
-            sum(e.gps_offset_m[0] for e in effects),
-            sum(e.gps_offset_m[1] for e in effects),
-            sum(e.gps_offset_m[2] for e in effects),
-        )
-        self.battery_sag_v = sum(e.battery_sag_v for e in effects)
-        self.battery_at_most = min((e.battery_at_most for e in effects), default=1.0)
-        self.motors_lost = sum(e.motors_lost for e in effects)
-        self.rc_lost = any(e.rc_lost for e in effects)
-        self.ack_delay_s = max((e.ack_delay_s for e in effects), default=0.0)
-        self.ack_loss = max((e.ack_loss for e in effects), default=0.0)
-        self.unhealthy_sensors = 0
-        for effect in effects:
-            self.unhealthy_sensors |= effect.unhealthy_sensors
-        self.clock_drift_ppm = sum(e.clock_drift_ppm for e in effects)
-        refusals = [e.mission_refusal for e in effects if e.mission_refusal is not None]
-        self.mission_refusal = refusals[-1] if refusals else None
-        stuck = [e.mode_stuck for e in effects if e.mode_stuck is not None]
-        self.mode_stuck = stuck[-1] if stuck else None
 
 
 class FaultEffectWriter:
@@ -123,15 +118,15 @@ class FaultEffectWriter:
         self._at_most, self._taken_mah = 1.0, 0.0
 
     def __call__(self, injected_faults: InjectedFaults, now: float) -> None:
-        world, status, i = self._world, self._status, self._index
-        world.gps.lost[i] = injected_faults.gps_lost
-        world.gps.offset_m[i] = injected_faults.gps_offset_m
-        world.batteries.sag_v[i] = injected_faults.battery_sag_v
-        world.dynamics.motors_lost[i] = injected_faults.motors_lost
+        world, status, i, effect = self._world, self._status, self._index, injected_faults.effect
+        world.gps.lost[i] = effect.gps_lost
+        world.gps.offset_m[i] = effect.gps_offset_m
+        world.batteries.sag_v[i] = effect.battery_sag_v
+        world.dynamics.motors_lost[i] = effect.motors_lost
         status.clock_offset_s[i] = injected_faults.clock_offset_s(now)
         status.clock_since_s[i] = now
-        status.clock_drift[i] = injected_faults.clock_drift_ppm * 1e-6
-        self._take_charge(injected_faults.battery_at_most)
+        status.clock_drift[i] = effect.clock_drift_ppm * 1e-6
+        self._take_charge(effect.battery_at_most)
         world.has_event[i] = True  # wakes the autopilot
 
     def _take_charge(self, at_most: float) -> None:

@@ -2,7 +2,6 @@
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.vehicle.behaviour import PILOTED, Behaviour, Mode
-from sim_vehicle.vehicle.injected_faults import ModeStuck
 from sim_vehicle.vehicle.interface import Vehicle
 
 LEAP_LIFT = 0.5  # largest thrust, as a multiple of the weight, that cannot begin a take-off
@@ -31,8 +30,8 @@ class Modes:
     def set(self, number: int, now: float) -> bool:
         """Change the mode as a ground station does; return False if the vehicle refuses the command."""
         vehicle = self._vehicle
-        if vehicle.injected_faults.mode_stuck is not None:
-            return vehicle.injected_faults.mode_stuck is ModeStuck.ACCEPTED
+        if vehicle.injected_faults.effect.mode_stuck is not None:
+            return vehicle.injected_faults.effect.mode_stuck
         mode = self._table.by_number.get(number)
         if mode is None or not mode.selectable:
             vehicle.announce("no_such_mode", number=number)

@@ -86,7 +86,7 @@ def _health(vehicle: Vehicle, now: float) -> None:
         health &= ~mavlink.MAV_SYS_STATUS_AHRS
     if not vehicle.armed and vehicle.personality.arming.refusals(vehicle, now):
         health &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
-    unhealthy = vehicle.injected_faults.unhealthy_sensors
+    unhealthy = vehicle.injected_faults.effect.unhealthy_sensors
     enabled = SENSORS | unhealthy
     present |= unhealthy
     watch, i = vehicle.fence_watch, vehicle.index

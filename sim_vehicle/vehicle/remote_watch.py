@@ -38,7 +38,7 @@ class RemoteWatch:
     def update(self, now: float) -> str | None:
         """Check the link; return the stage that begins now, or None. Announce the end of a loss."""
         vehicle, parameters = self._vehicle, self._vehicle.flight_parameters.rc
-        failed = parameters.failed or vehicle.injected_faults.rc_lost
+        failed = parameters.failed or vehicle.injected_faults.effect.rc_lost
         only_frames = parameters.without_receiver and math.isfinite(self._frame_s)
         if not ((failed or only_frames) and parameters.watched):
             self._end_loss()

@@ -39,8 +39,8 @@ class Sender:
         if message.get_msgId() in ACKNOWLEDGEMENTS:
             if self._injected_faults.loses_ack():
                 return
-            if self._injected_faults.ack_delay_s > 0:
-                due_s = self._vehicle.now + self._injected_faults.ack_delay_s
+            if self._injected_faults.effect.ack_delay_s > 0:
+                due_s = self._vehicle.now + self._injected_faults.effect.ack_delay_s
                 heapq.heappush(self._delayed, (due_s, self._delayed_count, message))
                 self._delayed_count += 1
                 return

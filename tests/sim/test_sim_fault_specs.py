@@ -151,7 +151,7 @@ def test_faults_begin_and_end_at_their_times_on_their_vehicles() -> None:
     seen = {}
     for now in (0.0, 9.95, 10.0, 12.0, 15.0):
         vehicles.schedule.tick(now)
-        seen[now] = [(a.gps_lost, a.battery_sag_v) for a in vehicles.injected_faults]
+        seen[now] = [(a.effect.gps_lost, a.effect.battery_sag_v) for a in vehicles.injected_faults]
     assert seen[9.95] == [(False, 0.0)] * 3
     assert seen[10.0] == [(False, 0.0), (True, 0.0), (False, 0.0)]
     assert seen[12.0] == [(False, 2.0), (True, 2.0), (False, 2.0)]
@@ -163,12 +163,12 @@ def test_a_fault_ends_with_the_last_of_its_kind() -> None:
         "gps_loss:at=0,for=10", "gps_loss:at=5,for=10", "battery_sag:sag_v=0.1", "battery_sag:sag_v=0.2,for=9"
     )
     vehicles.schedule.tick(6.0)
-    assert vehicles.injected_faults[0].battery_sag_v == pytest.approx(0.3)
+    assert vehicles.injected_faults[0].effect.battery_sag_v == pytest.approx(0.3)
     vehicles.schedule.tick(12.0)
-    assert vehicles.injected_faults[0].gps_lost
-    assert vehicles.injected_faults[0].battery_sag_v == 0.1
+    assert vehicles.injected_faults[0].effect.gps_lost
+    assert vehicles.injected_faults[0].effect.battery_sag_v == 0.1
     vehicles.schedule.tick(15.0)
-    assert not vehicles.injected_faults[0].gps_lost
+    assert not vehicles.injected_faults[0].effect.gps_lost
 
 
 def test_a_fault_of_an_unknown_vehicle_is_refused() -> None:
@@ -179,7 +179,7 @@ def test_a_fault_of_an_unknown_vehicle_is_refused() -> None:
 def test_a_system_id_on_two_links_selects_both_vehicles() -> None:
     vehicles = FaultyVehicles("gps_loss:sysid=2", sysids=(1, 2, 1, 2))
     vehicles.schedule.tick(0.0)
-    assert [a.gps_lost for a in vehicles.injected_faults] == [False, True, False, True]
+    assert [a.effect.gps_lost for a in vehicles.injected_faults] == [False, True, False, True]
 
 
 def test_a_ramp_grows_to_its_offset_and_leaves_nothing_behind() -> None:
@@ -187,12 +187,12 @@ def test_a_ramp_grows_to_its_offset_and_leaves_nothing_behind() -> None:
     offsets = []
     for tick in range(400):
         vehicles.schedule.tick(tick * 0.05)
-        offsets.append(vehicles.injected_faults[1].gps_offset_m[1])
+        offsets.append(vehicles.injected_faults[1].effect.gps_offset_m[1])
     assert offsets[100] == pytest.approx(25.0)
     assert offsets[200:] == [50.0] * 200
     assert np.all(np.diff(offsets) >= 0)
     vehicles.schedule.tick(20.0)
-    assert vehicles.injected_faults[1].gps_offset_m == (0.0, 0.0, 0.0)
+    assert vehicles.injected_faults[1].effect.gps_offset_m == (0.0, 0.0, 0.0)
 
 
 def test_a_clock_keeps_its_accumulated_drift() -> None:
@@ -230,14 +230,14 @@ def test_a_failure_begins_changes_and_ends() -> None:
     vehicles = FaultyVehicles()
     gps = mavlink.FAILURE_UNIT_SENSOR_GPS
     assert inject(vehicles, gps, OFF) == ACCEPTED
-    assert vehicles.injected_faults[0].gps_lost
-    assert not vehicles.injected_faults[1].gps_lost
+    assert vehicles.injected_faults[0].effect.gps_lost
+    assert not vehicles.injected_faults[1].effect.gps_lost
     assert inject(vehicles, gps, WRONG) == ACCEPTED
-    assert not vehicles.injected_faults[0].gps_lost
-    assert vehicles.injected_faults[0].gps_offset_m == (100.0, 0.0, 0.0)
+    assert not vehicles.injected_faults[0].effect.gps_lost
+    assert vehicles.injected_faults[0].effect.gps_offset_m == (100.0, 0.0, 0.0)
     assert inject(vehicles, gps, OK) == ACCEPTED
     assert vehicles.schedule.names(0) == ()
-    assert vehicles.injected_faults[0].gps_offset_m == (0.0, 0.0, 0.0)
+    assert vehicles.injected_faults[0].effect.gps_offset_m == (0.0, 0.0, 0.0)
 
 
 def test_motors_fail_one_by_one_or_all() -> None:
@@ -246,7 +246,7 @@ def test_motors_fail_one_by_one_or_all() -> None:
     lost = []
     for kind, instance in ((OFF, 2), (OFF, 2), (OFF, 3), (OK, 2), (OFF, 0), (OK, 0)):
         assert inject(vehicles, motor, kind, instance) == ACCEPTED
-        lost.append(vehicles.injected_faults[0].motors_lost)
+        lost.append(vehicles.injected_faults[0].effect.motors_lost)
     assert lost == [1, 1, 2, 1, 4, 0]
     assert inject(vehicles, motor, OFF, 9) == UNSUPPORTED
 
@@ -263,7 +263,7 @@ def test_motors_fail_one_by_one_or_all() -> None:
 def test_a_failed_sensor_is_unhealthy(unit: int, kind: int, bit: int) -> None:
     vehicles = FaultyVehicles()
     assert inject(vehicles, unit, kind) == ACCEPTED
-    assert vehicles.injected_faults[0].unhealthy_sensors == bit
+    assert vehicles.injected_faults[0].effect.unhealthy_sensors == bit
 
 
 def test_a_link_switched_off_by_command_returns_after_30_seconds() -> None:

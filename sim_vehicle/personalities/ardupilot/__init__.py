@@ -117,7 +117,7 @@ def _refusals(vehicle: Vehicle, now: float) -> list[str]:
         return [breach]
     if not vehicle.flight_parameters.arming.checks:
         return []
-    unhealthy = vehicle.injected_faults.unhealthy_sensors
+    unhealthy = vehicle.injected_faults.effect.unhealthy_sensors
     reasons = [text for bit, text in _UNHEALTHY_TEXTS.items() if unhealthy & bit]
     if vehicle.failsafes.rc_lost:
         reasons.append("Radio failsafe on")

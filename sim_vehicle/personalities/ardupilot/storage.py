@@ -116,7 +116,7 @@ def _mission_file(vehicle: Vehicle, kind: int) -> GeneratedFile:
 
     def write(content: bytes) -> bool:
         upload = unpack_mission(kind, content)
-        if upload is None or vehicle.injected_faults.mission_refusal is not None:
+        if upload is None or vehicle.injected_faults.effect.mission_refusal is not None:
             return False
         accepted = _write(store, upload, may_update=kind == MISSION)
         transfer.count_stored(kind)

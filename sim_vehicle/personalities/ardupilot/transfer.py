@@ -77,7 +77,7 @@ class _Server:
             self._store.abandon()
 
     def on_count(self, message: Any, peer: MissionPeer, now: float) -> None:
-        refusal = self._vehicle.injected_faults.mission_refusal
+        refusal = self._vehicle.injected_faults.effect.mission_refusal
         if refusal is not None and refusal.at_item is None:
             self.acknowledge(peer, refusal.result)
             return
@@ -125,7 +125,7 @@ class _Server:
             self._accept_item(upload, item_from_message(message), now)
 
     def _accept_item(self, upload: _Upload, item: Item | None, now: float) -> None:
-        refusal = self._vehicle.injected_faults.mission_refusal
+        refusal = self._vehicle.injected_faults.effect.mission_refusal
         if refusal is not None and refusal.at_item == upload.next_seq:
             result = refusal.result
         elif item is None:

@@ -87,7 +87,7 @@ def _system_refusals(vehicle: Vehicle) -> list[str]:
     reasons += _battery_refusals(vehicle)
     if vehicle.params["COM_ARM_MIS_REQ"] == 1 and vehicle.mission.empty:
         reasons.append("No valid mission")
-    unhealthy = vehicle.injected_faults.unhealthy_sensors
+    unhealthy = vehicle.injected_faults.effect.unhealthy_sensors
     return reasons + [reason for bit, reason in _UNHEALTHY_TEXTS.items() if unhealthy & bit]
 
 

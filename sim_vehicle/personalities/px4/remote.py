@@ -41,7 +41,7 @@ class Remote:
             self._channels_s = now
             return
         allowed = int(vehicle.params["COM_RC_IN_MODE"]) in JOYSTICK_MODES
-        if message.target not in (0, vehicle.sysid) or not allowed or vehicle.injected_faults.rc_lost:
+        if message.target not in (0, vehicle.sysid) or not allowed or vehicle.injected_faults.effect.rc_lost:
             return
         axes = (message.y / 1000, message.x / 1000, message.r / 1000, message.z / 500 - 1)
         roll, pitch, yaw, throttle = (max(-1.0, min(axis, 1.0)) for axis in axes)

@@ -143,7 +143,7 @@ class Px4Transfer:
                 self._request_item(now)  # the first request was probably lost; the first count stays valid
             return
         self._partner, self._kind = peer, message.mission_type
-        refusal = self._vehicle.injected_faults.mission_refusal
+        refusal = self._vehicle.injected_faults.effect.mission_refusal
         if refusal is not None and refusal.at_item is None:
             self._acknowledge(peer, refusal.result)
         elif message.count > MAX_ITEMS.get(self._kind, 0):
@@ -210,7 +210,7 @@ class Px4Transfer:
 
     def _stored_form(self, message: Any) -> Item | int:
         """Return the stored form of an item, or the MAV_MISSION_RESULT that ends the upload."""
-        refusal = self._vehicle.injected_faults.mission_refusal
+        refusal = self._vehicle.injected_faults.effect.mission_refusal
         if refusal is not None and refusal.at_item == message.seq:
             return refusal.result
         item = item_from_message(message)
