@@ -86,9 +86,6 @@ class LogTransfer:
         """Return True during a transfer; each call of `tick` continues the transfer."""
         return bool(self._transfers)
 
-    def handles(self, message_type: str) -> bool:
-        return message_type in self._handlers
-
     def receive(self, message: Any, now: float) -> None:
         """Process one log message at `now` [s]."""
         if self._rules.refused_armed and self._armed():

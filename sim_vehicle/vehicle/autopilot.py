@@ -178,14 +178,10 @@ class Autopilot:
                 self.sender.acknowledge(message.command, mavlink.MAV_RESULT_FAILED, 0, sender_of(message))
             return
         self.now = now
-        if self.transfer.handles(kind):
-            self.transfer.receive(message, now)
-        elif self.storage.handles(kind):
-            self.storage.receive(message, now)
-        elif handler := self.personality.messages.receivers.get(kind):
-            handler(self, message, now)
-        else:
+        handler = self.personality.messages.receivers.get(kind)
+        if handler is None:
             return
+        handler(self, message, now)
         self.storage.record_changes(now)
         self.alarm_s = self._update_due_s = now
 

@@ -1,7 +1,6 @@
 """Handlers of the messages that all autopilots treat alike.
 
-HEARTBEAT, the mission transfer and the storage have their own handlers. A personality's table
-(`MessageRules.receivers`) has these handlers and its own.
+A personality's table (`MessageRules.receivers`) has these handlers and its own. HEARTBEAT is in no table.
 """
 
 from collections.abc import Callable
@@ -69,6 +68,15 @@ def _on_setpoint(vehicle: Vehicle, message: Any, now: float) -> None:
     vehicle.setpoints.receive(message, now)
 
 
+def on_mission(vehicle: Vehicle, message: Any, now: float) -> None:
+    """Pass a message of the mission protocol to the vehicle's transfer."""
+    vehicle.transfer.receive(message, now)
+
+
+def _on_storage(vehicle: Vehicle, message: Any, now: float) -> None:
+    vehicle.storage.receive(message, now)
+
+
 def _on_sticks(vehicle: Vehicle, message: Any, now: float) -> None:
     vehicle.remote.receive(message, now)
 
@@ -82,7 +90,20 @@ COMMON_RECEIVERS: dict[str, Receiver] = {
     "PARAM_SET": _on_parameter,
     "REQUEST_DATA_STREAM": _on_data_stream,
     "TIMESYNC": _on_timesync,
+    "MISSION_COUNT": on_mission,
+    "MISSION_ITEM_INT": on_mission,
+    "MISSION_ITEM": on_mission,
+    "MISSION_WRITE_PARTIAL_LIST": on_mission,
+    "MISSION_REQUEST_LIST": on_mission,
+    "MISSION_REQUEST_INT": on_mission,
+    "MISSION_REQUEST": on_mission,
+    "MISSION_CLEAR_ALL": on_mission,
     "MISSION_SET_CURRENT": _on_set_current,
+    "FILE_TRANSFER_PROTOCOL": _on_storage,
+    "LOG_REQUEST_LIST": _on_storage,
+    "LOG_REQUEST_DATA": _on_storage,
+    "LOG_REQUEST_END": _on_storage,
+    "LOG_ERASE": _on_storage,
     "SET_POSITION_TARGET_GLOBAL_INT": _on_setpoint,
     "SET_POSITION_TARGET_LOCAL_NED": _on_setpoint,
     "SET_ATTITUDE_TARGET": _on_setpoint,

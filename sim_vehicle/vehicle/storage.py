@@ -55,9 +55,6 @@ class Storage:
 
     # -- serving -----------------------------------------------------------------------------------------
 
-    def handles(self, message_type: str) -> bool:
-        return message_type == "FILE_TRANSFER_PROTOCOL" or self._transfer.handles(message_type)
-
     def receive(self, message: Any, now: float) -> None:
         """Process one message about files or logs at `now` [s]."""
         if message.get_type() == "FILE_TRANSFER_PROTOCOL":

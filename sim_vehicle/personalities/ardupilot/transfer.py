@@ -240,9 +240,6 @@ class ArduPilotTransfer:
         """Time at which `tick` has work [s]; inf: no upload."""
         return min(server.next_deadline_s for server in self._servers.values())
 
-    def handles(self, message_type: str) -> bool:
-        return message_type in _HANDLERS
-
     def receive(self, message: Any, now: float) -> None:
         """Process one message of the mission protocol at `now` [s]."""
         peer, kind = sender_of(message), message.mission_type

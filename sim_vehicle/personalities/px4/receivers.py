@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.personalities.px4.manoeuvres import on_follow_target
 from sim_vehicle.vehicle.command import sender_of
 from sim_vehicle.vehicle.interface import Vehicle
-from sim_vehicle.vehicle.receivers import COMMON_RECEIVERS, Receiver, origin_of
+from sim_vehicle.vehicle.receivers import COMMON_RECEIVERS, Receiver, on_mission, origin_of
 
 
 def _on_set_mode(vehicle: Vehicle, message: Any, now: float) -> None:
@@ -35,6 +35,8 @@ def _on_ping(vehicle: Vehicle, message: Any, _now: float) -> None:
 
 RECEIVERS: dict[str, Receiver] = COMMON_RECEIVERS | {
     "FOLLOW_TARGET": on_follow_target,
+    "MISSION_ACK": on_mission,
+    "MISSION_SET_CURRENT": on_mission,  # refused during a transfer
     "SET_MODE": _on_set_mode,
     "SET_GPS_GLOBAL_ORIGIN": _on_set_origin,
     "PING": _on_ping,

@@ -102,9 +102,6 @@ class Px4Transfer:
         repeat_s = self._requested_s + REQUEST_AGAIN_S if self._state is _State.GETTING else math.inf
         return min(repeat_s, self._last_received_s + TIMEOUT_S)
 
-    def handles(self, message_type: str) -> bool:
-        return message_type in self._handlers or message_type == "MISSION_WRITE_PARTIAL_LIST"
-
     def receive(self, message: Any, now: float) -> None:
         """Process one message of the mission protocol at `now` [s]; partial writes are ignored."""
         handler = self._handlers.get(message.get_type())
