@@ -14,7 +14,6 @@ from sim_vehicle.links.base import (
     BYTES_PER_WAKE,
     DATAGRAMS_PER_WAKE,
     RECEIVE_BYTES,
-    RETRY_S,
     Address,
     Batch,
     LinkCallbacks,
@@ -37,25 +36,20 @@ class UdpOut:
 
     def __init__(self, url: Url, callbacks: LinkCallbacks, vehicles: Collection[int]) -> None:
         self.dropped = 0
-        self._url, self._callbacks = url, callbacks
-        self._vehicles = frozenset(vehicles)
+        self._url, self._callbacks, self._vehicles = url, callbacks, vehicles
         self._address: Address = ()
         self._family = socket.AF_INET
-        self._shared_socket: socket.socket | None = None
-        self._sharing_vehicles: frozenset[int] | None = None  # None: all vehicles
-        # By rebooted vehicle; None: no socket is available yet, so the vehicle is silent.
-        self._vehicle_sockets: dict[int, socket.socket | None] = {}
-        self._retry_timer: asyncio.TimerHandle | None = None
+        self._sockets: dict[int, socket.socket] = {}  # by vehicle; all begin with the same socket
         self._received_s: float | None = None
 
     def open(self) -> None:
         self._family, self._address = resolve(self._url, socket.SOCK_DGRAM)
         try:
-            self._shared_socket = self._open_socket(None)
+            self._sockets = dict.fromkeys(self._vehicles, self._open_socket())
         except OSError as error:
             raise cannot_open(self._url, error) from error
 
-    def _open_socket(self, index: int | None) -> socket.socket:
+    def _open_socket(self) -> socket.socket:
         opened = socket.socket(self._family, socket.SOCK_DGRAM)
         try:
             _configure(opened)
@@ -63,10 +57,11 @@ class UdpOut:
         except OSError:
             opened.close()
             raise
-        asyncio.get_running_loop().add_reader(opened, self._read, opened, index)
+        asyncio.get_running_loop().add_reader(opened, self._read, opened)
         return opened
 
-    def _read(self, opened: socket.socket, index: int | None) -> None:
+    def _read(self, opened: socket.socket) -> None:
+        reach = frozenset(index for index, own in self._sockets.items() if own is opened)
         remaining_bytes = BYTES_PER_WAKE
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
@@ -76,17 +71,14 @@ class UdpOut:
             except OSError:  # the other end has no listener yet
                 continue
             self._received_s = asyncio.get_running_loop().time()
-            reach = self._sharing_vehicles if index is None else (index,)  # each vehicle has one socket
-            self._callbacks.received(data, (self._url, index), reach)
+            self._callbacks.received(data, (self._url, opened), reach)
             remaining_bytes -= len(data)
             if opened.fileno() < 0 or remaining_bytes <= 0:  # closed by the callback, or a flood
                 return
 
     def send(self, batch: Batch) -> None:
         for index, data in batch:
-            opened = self._vehicle_sockets.get(index, self._shared_socket)
-            if opened is None:
-                continue
+            opened = self._sockets[index]
             try:
                 opened.send(data)
             except BlockingIOError:
@@ -103,29 +95,18 @@ class UdpOut:
             pass
 
     def rebooted(self, index: int) -> None:
-        _close_socket(self._vehicle_sockets.get(index))
-        self._vehicle_sockets[index] = None
-        self._sharing_vehicles = self._vehicles - self._vehicle_sockets.keys()
-        if not self._sharing_vehicles:
-            _close_socket(self._shared_socket)
-            self._shared_socket = None
-        if self._retry_timer is None:
-            self._open_missing_sockets()
-
-    def _open_missing_sockets(self) -> None:
-        """Open the missing sockets; after a failure, retry in `RETRY_S`."""
-        tried_before, self._retry_timer = self._retry_timer is not None, None
         try:
-            for index in [index for index, opened in self._vehicle_sockets.items() if opened is None]:
-                self._vehicle_sockets[index] = self._open_socket(index)
+            opened = self._open_socket()
         except OSError as error:
-            self._retry_timer = asyncio.get_running_loop().call_later(RETRY_S, self._open_missing_sockets)
-            if not tried_before:
-                reason = error.strerror or error
-                self._callbacks.warn(
-                    f"{self._url}: no socket for a rebooted vehicle ({reason}); the vehicle is silent, "
-                    f"and the link retries every {RETRY_S:g} s [no-socket]"
-                )
+            self._callbacks.warn(
+                f"{self._url}: no socket for a rebooted vehicle ({error.strerror or error}); "
+                "the vehicle keeps its port [no-socket]"
+            )
+            return
+        before, self._sockets[index] = self._sockets[index], opened
+        if before not in self._sockets.values():
+            _close_socket(before)
+            self._callbacks.ended((self._url, before))
 
     def stations(self) -> int:
         if self._received_s is None:
@@ -133,12 +114,9 @@ class UdpOut:
         return int(asyncio.get_running_loop().time() - self._received_s < ACTIVE_S)
 
     def close(self) -> None:
-        if self._retry_timer is not None:
-            self._retry_timer.cancel()
-        for opened in (self._shared_socket, *self._vehicle_sockets.values()):
+        for opened in set(self._sockets.values()):
             _close_socket(opened)
-        self._shared_socket = None
-        self._vehicle_sockets.clear()
+        self._sockets.clear()
 
 
 class UdpIn:

@@ -112,7 +112,7 @@ def test_a_peer_silent_for_a_minute_is_forgotten() -> None:
     in_loop(silent)
 
 
-def test_a_vehicle_rebooted_without_free_sockets_returns_later() -> None:
+def test_a_vehicle_rebooted_without_free_sockets_keeps_its_port() -> None:
     events = LinkEvents()
 
     async def reboots(loop: Loop) -> None:
@@ -124,15 +124,17 @@ def test_a_vehicle_rebooted_without_free_sockets_returns_later() -> None:
             _, shared = udp.recvfrom(100)
             with no_more_files():
                 link.rebooted(0)
-                link.rebooted(1)
-                await loop.forward(1.1)
-                link.send([(0, b"silent"), (1, b"silent"), (2, b"still there")])
+                link.send([(0, b"still there")])
             assert udp.recvfrom(100) == (b"still there", shared)
-            await loop.forward(1.1)
+            link.rebooted(0)
+            link.rebooted(1)
             link.send([(0, b"0"), (1, b"1"), (2, b"2")])
             sources = dict(udp.recvfrom(100) for _ in range(3))
             assert sources[b"2"] == shared
             assert len(set(sources.values())) == 3
+            assert events.gone == []
+            link.rebooted(2)  # the last vehicle of the first port
+            assert len(events.gone) == 1
         link.close()
 
     in_loop(reboots)
