@@ -26,7 +26,6 @@ from sim_vehicle.truth import Truth
 from sim_vehicle.vehicle.autopilot import Autopilot
 from sim_vehicle.vehicle.injected_faults import FaultEffectWriter, InjectedFaults
 from sim_vehicle.vehicle.receivers import COMPONENT
-from sim_vehicle.wire.encode import Encoder
 from sim_vehicle.wire.link_layer import LinkLayer
 from sim_vehicle.wire.outbox import Frames, Outbox
 from sim_vehicle.wire.parser import Parser
@@ -80,7 +79,7 @@ class Fleet:
         self.sysids = tuple(spec.sysid for spec in specs)
         self.links = tuple(spec.link for spec in specs)
         self._streams = Streams(len(specs), TICK_S)
-        self._outbox = Outbox(Encoder(self.sysids, COMPONENT), self.world, self.status)
+        self._outbox = Outbox(self.sysids, COMPONENT, self.world, self.status)
         chosen_s = ready_s if ready_s is not None else scenario.ready_s
         log_limits = limits_for(len(specs)) if keeps_logs else NO_LOGS
         self.vehicles: list[Autopilot] = []

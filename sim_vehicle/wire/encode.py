@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from fastcrc.crc16 import mcrf4xx
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.definitions import MAVLINK2, Layout
 
@@ -61,32 +60,3 @@ def frames(
         body = pack(len(payload), 0, 0, sequence, system, component, id_0, id_1, id_2) + payload
         encoded.append(MAGIC + body + crc(mcrf4xx(body + extra)))
     return encoded
-
-
-class Encoder:
-    """Encoder of a fleet's frames, with one sequence counter per vehicle.
-
-    Parameters
-    ----------
-    systems: system id of each vehicle.
-    component: component id of all vehicles.
-    """
-
-    def __init__(self, systems: Sequence[int], component: int) -> None:
-        self._systems = np.array(systems)
-        self._component = component
-        self._sequences = np.zeros(len(systems), dtype=np.uint8)
-        self._codec = mavlink.MAVLink(None, srcComponent=component)
-
-    def pack(self, vehicle: int, message: Any) -> bytes:
-        """Pack one message of one vehicle."""
-        self._codec.srcSystem = int(self._systems[vehicle])
-        self._codec.seq = int(self._sequences[vehicle])
-        self._sequences[vehicle] = (self._codec.seq + 1) % 256
-        return bytes(message.pack(self._codec))
-
-    def frames(self, layout: Layout, payloads: Payloads, vehicles: npt.NDArray[np.int64]) -> list[bytes]:
-        """Pack one message of each vehicle in `vehicles`."""
-        sequences = self._sequences[vehicles].tolist()
-        self._sequences[vehicles] += 1
-        return frames(layout, payloads, self._systems[vehicles].tolist(), sequences, self._component)

@@ -1,12 +1,14 @@
 """Outgoing frames of the fleet with their vehicles, in order."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.world import World
-from sim_vehicle.wire.encode import Encoder
+from sim_vehicle.wire.encode import frames
 from sim_vehicle.wire.status import Status
 from sim_vehicle.wire.streams import Streams
 from sim_vehicle.wire.telemetry import STREAMS, View
@@ -16,10 +18,17 @@ Frames = list[tuple[int, bytes]]
 
 
 class Outbox:
-    """Encoder and queue of the vehicles' messages and streams."""
+    """Encoder and queue of the vehicles' messages and streams, with one sequence counter per vehicle.
 
-    def __init__(self, encoder: Encoder, world: World, status: Status) -> None:
-        self._encoder, self._world, self._status = encoder, world, status
+    systems: system id of each vehicle.
+    component: component id of all vehicles.
+    """
+
+    def __init__(self, systems: Sequence[int], component: int, world: World, status: Status) -> None:
+        self._systems, self._component = np.array(systems), component
+        self._world, self._status = world, status
+        self._sequences = np.zeros(len(systems), dtype=np.uint8)
+        self._codec = mavlink.MAVLink(None, srcComponent=component)
         self._frames: Frames = []
 
     def take(self) -> Frames:
@@ -29,7 +38,10 @@ class Outbox:
 
     def message(self, vehicle: int, message: Any) -> None:
         """Queue one message of one vehicle."""
-        self._frames.append((vehicle, self._encoder.pack(vehicle, message)))
+        self._codec.srcSystem = int(self._systems[vehicle])
+        self._codec.seq = int(self._sequences[vehicle])
+        self._sequences[vehicle] = (self._codec.seq + 1) % 256
+        self._frames.append((vehicle, bytes(message.pack(self._codec))))
 
     def raw(self, vehicle: int, data: bytes) -> None:
         """Queue bytes that are not a MAVLink frame, such as a boot text."""
@@ -50,6 +62,8 @@ class Outbox:
         if stream.has_data is not None:
             view.i = vehicles = vehicles[stream.has_data(view)]
         if len(vehicles):
-            frames = self._encoder.frames(stream.layout, stream.payloads(view), vehicles)
-            self._frames.extend(zip(vehicles.tolist(), frames, strict=True))
+            systems, sequences = self._systems[vehicles].tolist(), self._sequences[vehicles].tolist()
+            self._sequences[vehicles] += 1
+            encoded = frames(stream.layout, stream.payloads(view), systems, sequences, self._component)
+            self._frames.extend(zip(vehicles.tolist(), encoded, strict=True))
         return len(vehicles)
