@@ -8,9 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.physics.attitude import quaternions
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import Bools
-from sim_vehicle.wire.telemetry.motion import ekf_status_report
+from sim_vehicle.wire.telemetry.motion import ekf_status_report, quaternion
 from sim_vehicle.wire.telemetry.sensors import magnetic_field_mgauss, scaled_pressure, wind
-from sim_vehicle.wire.telemetry.view import UNKNOWN_I16, Columns, View, named, north_east_down
+from sim_vehicle.wire.telemetry.view import UNKNOWN_I16, Columns, View, north_east_down, vectors
 
 FREE_MEMORY_BYTES, MAX_U16 = 524_288, 65_535
 BOARD_MV = 5000
@@ -81,7 +81,7 @@ def ahrs2(v: View) -> Columns:
     """Return the second estimate, which is equal to the first."""
     lat, lon = v.e7()
     return {
-        **named(("roll", "pitch", "yaw"), v.world.dynamics.attitude_rad[v.i]),
+        **vectors("roll", "pitch", "yaw", v.world.dynamics.attitude_rad[v.i]),
         "altitude": v.world.estimate_m[v.i, 2],
         "lat": lat,
         "lng": lon,
@@ -92,9 +92,9 @@ def _true_motion(v: View) -> Columns:
     """Return attitude, specific force and body rates without errors."""
     dynamics, i = v.world.dynamics, v.i
     return {
-        **named(("roll", "pitch", "yaw"), dynamics.attitude_rad[i]),
-        **named(("xacc", "yacc", "zacc"), dynamics.specific_force_m_s2[i]),
-        **named(("xgyro", "ygyro", "zgyro"), dynamics.rates_rad_s[i]),
+        **vectors("roll", "pitch", "yaw", dynamics.attitude_rad[i]),
+        **vectors("xacc", "yacc", "zacc", dynamics.specific_force_m_s2[i]),
+        **vectors("xgyro", "ygyro", "zgyro", dynamics.rates_rad_s[i]),
     }
 
 
@@ -115,13 +115,13 @@ def sim_state(v: View) -> Columns:
     lat, lon = _true_e7(v)
     return {
         **_true_motion(v),
-        **named(("q1", "q2", "q3", "q4"), quaternions(dynamics.attitude_rad[i])),
+        **quaternion(v),
         "lat": lat,
         "lon": lon,
         "lat_int": lat,
         "lon_int": lon,
         "alt": dynamics.position_m[i, 2],
-        **north_east_down(("vn", "ve", "vd"), dynamics.velocity_m_s[i]),
+        **north_east_down("vn", "ve", "vd", dynamics.velocity_m_s[i]),
     }
 
 
@@ -165,7 +165,7 @@ def airspeed(v: View) -> Columns:
 
 def scaled_imu3(v: View) -> Columns:
     """Return the third compass; there is no third inertial sensor."""
-    return {"time_boot_ms": v.since_boot_ms(), **named(("xmag", "ymag", "zmag"), magnetic_field_mgauss(v))}
+    return {"time_boot_ms": v.since_boot_ms(), **vectors("xmag", "ymag", "zmag", magnetic_field_mgauss(v))}
 
 
 def meminfo(_v: View) -> Columns:
@@ -221,7 +221,7 @@ def autopilot_state_for_gimbal_device(v: View) -> Columns:
     return {
         "time_boot_us": v.since_boot_us(),
         "q": quaternions(dynamics.attitude_rad[i]),
-        **north_east_down(("vx", "vy", "vz"), v.world.estimate_velocity_m_s[i]),
+        **north_east_down("vx", "vy", "vz", v.world.estimate_velocity_m_s[i]),
         "estimator_status": ekf_status_report(v)["flags"],
         "angular_velocity_z": dynamics.rates_rad_s[i, 2],
     }

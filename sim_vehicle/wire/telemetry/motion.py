@@ -7,7 +7,7 @@ from sim_vehicle.physics.attitude import quaternions
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import EPH_M
 from sim_vehicle.physics.motion import Bools, MotionOrder
-from sim_vehicle.wire.telemetry.view import Columns, Ints, View, named, north_east_down
+from sim_vehicle.wire.telemetry.view import Columns, Ints, View, north_east_down, vectors
 
 EKF_NO_POSITION = (
     mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_VERT | mavlink.EKF_POS_VERT_ABS | mavlink.EKF_CONST_POS_MODE
@@ -33,7 +33,7 @@ def global_position_int(v: View) -> Columns:
         "lon": lon,
         "alt": v.world.estimate_m[v.i, 2] * 1000,
         "relative_alt": v.height_m() * 1000,
-        **north_east_down(("vx", "vy", "vz"), velocity),
+        **north_east_down("vx", "vy", "vz", velocity),
         "hdg": np.rint(v.heading_deg() * 100) % 36_000,
     }
 
@@ -46,25 +46,31 @@ def place_and_velocity(v: View) -> Columns:
     """Return the position relative to the origin, and the velocity."""
     offset_m = v.world.estimate_m[v.i] - v.status.origin_m[v.i]
     velocity = v.world.estimate_velocity_m_s[v.i]
-    return {**north_east_down(("x", "y", "z"), offset_m), **north_east_down(("vx", "vy", "vz"), velocity)}
+    return {**north_east_down("x", "y", "z", offset_m), **north_east_down("vx", "vy", "vz", velocity)}
 
 
 def attitude(v: View) -> Columns:
     return {
         "time_boot_ms": v.since_boot_ms(),
-        **named(("roll", "pitch", "yaw"), v.world.dynamics.attitude_rad[v.i]),
+        **vectors("roll", "pitch", "yaw", v.world.dynamics.attitude_rad[v.i]),
         **body_rates(v),
     }
 
 
 def body_rates(v: View) -> Columns:
-    return named(("rollspeed", "pitchspeed", "yawspeed"), v.world.dynamics.rates_rad_s[v.i])
+    return vectors("rollspeed", "pitchspeed", "yawspeed", v.world.dynamics.rates_rad_s[v.i])
+
+
+def quaternion(v: View) -> Columns:
+    """Return the attitude as w, x, y, z."""
+    q = quaternions(v.world.dynamics.attitude_rad[v.i])
+    return {"q1": q[:, 0], "q2": q[:, 1], "q3": q[:, 2], "q4": q[:, 3]}
 
 
 def attitude_quaternion(v: View) -> Columns:
     return {
         "time_boot_ms": v.since_boot_ms(),
-        **named(("q1", "q2", "q3", "q4"), quaternions(v.world.dynamics.attitude_rad[v.i])),
+        **quaternion(v),
         **body_rates(v),
     }
 

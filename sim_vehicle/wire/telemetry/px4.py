@@ -62,8 +62,8 @@ def hil_state_quaternion(v: View) -> Columns:
         "lat": lat_deg * 1e7,
         "lon": lon_deg * 1e7,
         "alt": dynamics.position_m[i, 2] * 1000,
-        **north_east_down(("vx", "vy", "vz"), dynamics.velocity_m_s[i] * 100),
-        **north_east_down(("xacc", "yacc", "zacc"), dynamics.acceleration_m_s2[i] * (1000 / GRAVITY_M_S2)),
+        **north_east_down("vx", "vy", "vz", dynamics.velocity_m_s[i] * 100),
+        **north_east_down("xacc", "yacc", "zacc", dynamics.acceleration_m_s2[i] * (1000 / GRAVITY_M_S2)),
     }
 
 

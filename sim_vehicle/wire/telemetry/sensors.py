@@ -13,8 +13,8 @@ from sim_vehicle.wire.telemetry.view import (
     UNKNOWN_U16,
     Columns,
     View,
-    named,
     north_east_down,
+    vectors,
 )
 
 SEA_LEVEL_HPA, SEA_LEVEL_K = 1013.25, 288.15
@@ -88,7 +88,7 @@ def wind(v: View) -> Columns:
 def wind_cov(v: View) -> Columns:
     return {
         "time_usec": v.since_boot_us(),
-        **north_east_down(("wind_x", "wind_y", "wind_z"), v.world.wind.wind_m_s[v.i]),
+        **north_east_down("wind_x", "wind_y", "wind_z", v.world.wind.wind_m_s[v.i]),
         "wind_alt": v.world.estimate_m[v.i, 2],
     }
 
@@ -117,9 +117,9 @@ def magnetic_field_mgauss(v: View) -> Floats:
 
 def scaled_imu(v: View) -> Columns:
     return {
-        **named(("xacc", "yacc", "zacc"), v.world.dynamics.specific_force_m_s2[v.i] / GRAVITY_M_S2 * 1000),
-        **named(("xgyro", "ygyro", "zgyro"), v.world.dynamics.rates_rad_s[v.i] * 1000),
-        **named(("xmag", "ymag", "zmag"), magnetic_field_mgauss(v)),
+        **vectors("xacc", "yacc", "zacc", v.world.dynamics.specific_force_m_s2[v.i] / GRAVITY_M_S2 * 1000),
+        **vectors("xgyro", "ygyro", "zgyro", v.world.dynamics.rates_rad_s[v.i] * 1000),
+        **vectors("xmag", "ymag", "zmag", magnetic_field_mgauss(v)),
     }
 
 
@@ -135,9 +135,9 @@ def highres_imu(v: View) -> Columns:
     up_m = v.world.estimate_m[v.i, 2]
     return {
         "time_usec": v.since_boot_us(),
-        **named(("xacc", "yacc", "zacc"), v.world.dynamics.specific_force_m_s2[v.i]),
-        **named(("xgyro", "ygyro", "zgyro"), v.world.dynamics.rates_rad_s[v.i]),
-        **named(("xmag", "ymag", "zmag"), magnetic_field_mgauss(v) / 1000),
+        **vectors("xacc", "yacc", "zacc", v.world.dynamics.specific_force_m_s2[v.i]),
+        **vectors("xgyro", "ygyro", "zgyro", v.world.dynamics.rates_rad_s[v.i]),
+        **vectors("xmag", "ymag", "zmag", magnetic_field_mgauss(v) / 1000),
         "abs_pressure": _pressure_hpa(up_m),
         "pressure_alt": up_m,
         "temperature": SEA_LEVEL_K - 0.0065 * up_m - 273.15,

@@ -56,7 +56,7 @@ def home_position(v: View) -> Columns:
     local_m = np.column_stack([east_m, north_m, s.home_amsl_m[i]]) - s.origin_m[i]
     local_m *= s.home_is_local[i, None]
     return {
-        **north_east_down(("x", "y", "z"), local_m),
+        **north_east_down("x", "y", "z", local_m),
         "latitude": s.home_e7[i, 0],
         "longitude": s.home_e7[i, 1],
         "altitude": s.home_amsl_m[i] * 1000,

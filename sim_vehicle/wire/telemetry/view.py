@@ -1,6 +1,6 @@
 """Access of the message builders to the fleet's columns."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,15 +19,14 @@ UNKNOWN_I16 = 32_767
 UNKNOWN = -1
 
 
-def named(names: Sequence[str], values: Floats) -> Columns:
-    """Return a column for each of k names, from values (n, k)."""
-    return dict(zip(names, values.T, strict=True))
+def vectors(x: str, y: str, z: str, values: Floats) -> Columns:
+    """Return vectors (n, 3) as columns with three names."""
+    return {x: values[:, 0], y: values[:, 1], z: values[:, 2]}
 
 
-def north_east_down(names: tuple[str, str, str], east_north_up: Floats) -> Columns:
+def north_east_down(north: str, east: str, down: str, east_north_up: Floats) -> Columns:
     """Return vectors east, north, up, (n, 3), as columns with three names for north, east and down."""
-    east, north, up = east_north_up.T
-    return dict(zip(names, (north, east, -up), strict=True))
+    return {north: east_north_up[:, 1], east: east_north_up[:, 0], down: -east_north_up[:, 2]}
 
 
 @dataclass(slots=True)
