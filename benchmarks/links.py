@@ -46,7 +46,8 @@ from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links import LINKS
-from swarmctl.links.base import Link, LinkError, UploadFailed
+from swarmctl.links.base import LinkError, UploadFailed
+from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
@@ -194,7 +195,7 @@ async def run_case(case: Case) -> CaseResult:
     return result
 
 
-def open_links(name: str, front_end: FrontEnd, endpoint: Endpoint, count: int) -> list[Link]:
+def open_links(name: str, front_end: FrontEnd, endpoint: Endpoint, count: int) -> list[DirectLink]:
     """Return the links of vehicles 1 to `count`."""
     return [
         LINKS[name].open(front_end, endpoint, i, name=f"v{i}", on_event=lambda _event: None)
@@ -202,7 +203,7 @@ def open_links(name: str, front_end: FrontEnd, endpoint: Endpoint, count: int) -
     ]
 
 
-async def prepare(link: Link, swap: bool) -> None:
+async def prepare(link: DirectLink, swap: bool) -> None:
     """Connect to the vehicle and, before a swap, bring it into flight."""
     await link.connect(20)
     await link.prepare(60, lambda _reasons: None)
@@ -214,7 +215,7 @@ async def prepare(link: Link, swap: bool) -> None:
             await asyncio.sleep(0.2)
 
 
-async def upload_with_retries(link: Link, old: FlightPlan, n_attempts: int = 4) -> None:
+async def upload_with_retries(link: DirectLink, old: FlightPlan, n_attempts: int = 4) -> None:
     """Upload a plan; on a busy machine, some uploads of fifty at once by MAVSDK fail."""
     try:
         await link.upload(old)
@@ -224,7 +225,7 @@ async def upload_with_retries(link: Link, old: FlightPlan, n_attempts: int = 4) 
         await upload_with_retries(link, old, n_attempts - 1)
 
 
-async def transfer(link: Link, case: Case, result: CaseResult) -> None:
+async def transfer(link: DirectLink, case: Case, result: CaseResult) -> None:
     """Upload or swap, and add the time and outcome to `result`."""
     new = make_changed_plan(case.n_items, link.state(), case.ahead_s if case.swap else 0.0)
     limit_s = LIMIT_S[case.link]
@@ -349,9 +350,10 @@ def msgids_in(data: bytes) -> Iterator[int]:
         at += 12 + data[at + 1]
 
 
-def request_streams(link: Link) -> None:
+def request_streams(link: DirectLink) -> None:
     """Request the messages of RATES_HZ, more than the link needs."""
-    channel = link._channel  # type: ignore[attr-defined]
+    channel = link._channel
+    assert channel is not None
     channel.send(
         [
             mavlink.MAVLink_command_long_message(channel.sysid, 1, 511, 0, msgid, 1e6 / hz, 0, 0, 0, 0, 0)

@@ -252,7 +252,7 @@ class Command(_Record, frozen=True):
 
     order: FlightOrder
     by_person: bool = False
-    """True if an operator or a recall has just given the order (`Link.hold`: `check_mode_first` is False)"""
+    """True if an operator or a recall has just given the order (`check_mode_first` is False)"""
 
 
 class SetSpeed(_Record, frozen=True):

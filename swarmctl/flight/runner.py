@@ -34,12 +34,12 @@ from swarmctl.links.base import (
     AddressChanged,
     FramesRefused,
     LaunchBlockedError,
-    Link,
     LinkError,
     LinkEvent,
     SystemIdConflict,
     UploadFailed,
 )
+from swarmctl.links.direct import DirectLink
 from swarmctl.mavlink.events import (
     FirstHeartbeat,
     Identity,
@@ -78,7 +78,7 @@ class Runner:
         self,
         task: Task,
         prior: Belief,
-        open_link: Callable[[Callable[[LinkEvent], None]], Link],
+        open_link: Callable[[Callable[[LinkEvent], None]], DirectLink],
         sensor: Sensor,
         network: Network,
         observers: tuple[Observer, ...],

@@ -18,7 +18,8 @@ from swarmctl.flight.run import Run
 from swarmctl.flight.runner import Runner
 from swarmctl.flight.takeover import Takeover
 from swarmctl.links import LINKS
-from swarmctl.links.base import Link, LinkEvent
+from swarmctl.links.base import LinkEvent
+from swarmctl.links.direct import DirectLink
 from swarmctl.mavlink.telemetry.streams import Streaming
 from swarmctl.preflight.collection import FactCollector
 from swarmctl.preflight.conversation import Preflight
@@ -106,7 +107,7 @@ class Flight:
         )
         return Member(spec, runner, receiver.counts)
 
-    def _open_link(self, spec: Spec, on_event: Callable[[LinkEvent], None]) -> Link:
+    def _open_link(self, spec: Spec, on_event: Callable[[LinkEvent], None]) -> DirectLink:
         scenario = self.run.scenario
         links, formation = scenario.config.links, scenario.formation_of(spec.sysid)
         position_hz = links.position_hz

@@ -1,28 +1,31 @@
-"""`DirectLink`: link by this program's own conversations, over the front end."""
+"""`DirectLink`: the interface to one vehicle, by this program's own conversations over the front end.
+
+Cancelling a call cancels its conversation on the wire. One call runs at a time; a second call raises `Busy`,
+except:
+- `hold`, `return_home` and `land` interrupt the running call, as an operator needs them in an emergency.
+- `upload` and `ask` wait for each other.
+"""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
     Busy,
     CommandFailed,
-    FenceFailed,
     LaunchBlockedError,
     LaunchFailed,
     LinkError,
     LinkEvent,
     NoAnswer,
     NotReady,
-    ParametersFailed,
     PrepareFailed,
     UnsupportedVehicle,
     UploadFailed,
@@ -32,26 +35,22 @@ from swarmctl.links.line import Channel
 from swarmctl.links.signing import REMEDIES
 from swarmctl.links.transports import TRANSPORTS
 from swarmctl.links.url import Endpoint
-from swarmctl.mavlink.events import FirstHeartbeat, Identity, ProcedureDone
-from swarmctl.mavlink.procedures import basic, fence, rally
+from swarmctl.mavlink.events import FirstHeartbeat, Identity, ProcedureDone, StateChanged
+from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.procedures.basic import Done, Swapped, Uploaded
 from swarmctl.mavlink.procedures.recognise import Recognised, recognise
-from swarmctl.mavlink.protocol import parameters
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
-from swarmctl.mavlink.protocol.mission_download import DownloadOutcome, DownloadResult
 from swarmctl.mavlink.protocol.outcome import LaunchBlocked
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.session import Session, SessionStep
-from swarmctl.mavlink.telemetry import instruments
-from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.mavlink.telemetry.streams import Streaming
 
-REPORT_PERIOD_S = 1.0
+R = TypeVar("R")
 
 
 class DirectLink:
-    """`Link` that runs a `Session` in asyncio: one timer, one waiter, no polling.
+    """Link that runs a `Session` in asyncio: one timer, one waiter, no polling.
 
     `on_event` is called from the loop, in the order of the events, and must not block.
     """
@@ -79,7 +78,6 @@ class DirectLink:
         self._waiter: asyncio.Future[Any] | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._on_waiting: Callable[[tuple[str, ...]], None] | None = None
-        self._next_report_s = 0.0
         self._ground_lock = asyncio.Lock()
         """lock of uploads and requests on the ground, so that they run one after another"""
         # The owner of the front end may fail before it closes this link.
@@ -88,34 +86,37 @@ class DirectLink:
     # State
 
     def state(self) -> VehicleState:
+        """Return the last known state."""
         return self._session.state
 
     def age_s(self) -> float:
-        return self._session.age_s(asyncio.get_running_loop().time())
+        """Return the time since the last heartbeat, by the event loop's clock [s]; inf before the first."""
+        return self._session.age_s(self._now())
 
     def items(self) -> tuple[MissionItem, ...]:
+        """Return the mission items last verified on the vehicle, with item 0.
+
+        Empty if none was verified, or if the mission on the vehicle has possibly changed since.
+        """
         return self._session.items
 
     # Procedures
 
     async def connect(self, timeout_s: float) -> Identity:
+        """Open the transport and `identify`. Raises also TransportError."""
         await self._attach()
-        until_s = self._now() + timeout_s
-        try:
-            async with asyncio.timeout_at(until_s):
-                await self._heartbeat_received.wait()
-        except TimeoutError:
-            raise self._no_answer(timeout_s) from None
-        if self._session.unsupported:
-            raise UnsupportedVehicle(f"{self._label}: {self._session.unsupported}")
-        return await self._identify(until_s, timeout_s)
+        return await self.identify(timeout_s)
 
     async def identify(self, timeout_s: float) -> Identity:
-        return await self._identify(self._now() + timeout_s, timeout_s)
+        """Wait for a heartbeat and request the identity: another vehicle may have taken the address.
 
-    async def _identify(self, until_s: float, timeout_s: float) -> Identity:
+        This changes nothing on the vehicle. Raises NoAnswer, UnsupportedVehicle.
+        """
         try:
-            async with asyncio.timeout_at(until_s):
+            async with asyncio.timeout(timeout_s):
+                await self._heartbeat_received.wait()
+                if self._session.unsupported:
+                    raise UnsupportedVehicle(f"{self._label}: {self._session.unsupported}")
                 version: Message | Done = await self._perform("identify", basic.identify)
         except TimeoutError:
             raise self._no_answer(timeout_s) from None
@@ -124,6 +125,11 @@ class DirectLink:
         return self._session.identity(version)
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
+        """Request streams, set hold mode and wait until the vehicle is ready to arm.
+
+        `on_waiting` gets the reasons for waiting with each new state. Raises NotReady with the last reasons,
+        PrepareFailed.
+        """
         self._require_connection()
         self._apply(self._session.keep_streams(self._now()))
         self._on_waiting = on_waiting
@@ -137,51 +143,38 @@ class DirectLink:
         self._check(done, PrepareFailed, "the vehicle is not prepared")
 
     async def upload(self, plan: FlightPlan) -> float:
+        """Upload a plan on the ground, read it back and compare; return the expected time of a swap [s].
+
+        Raises UploadFailed.
+        """
         self._require_connection()
         try:
             items = self._session.mission_items(plan)
         except ValueError as error:
             raise UploadFailed(f"{self._label}: the plan cannot be flown: {error}") from error
-        done: Uploaded = await self._perform_on_ground("upload", partial(basic.upload, items=items))
+        async with self._ground_lock:
+            done: Uploaded = await self._perform("upload", partial(basic.upload, items=items))
         self._check(done, UploadFailed, "the mission is not verified on the vehicle")
         return done.swap_takes_s
 
-    async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
-        procedure = partial(parameters.read_parameters, names=names)
-        result: dict[str, parameters.Parameter] = await self._read("parameters", procedure)
-        return {name: parameter.value for name, parameter in result.items()}
+    async def ask(self, subject: str, procedure: Callable[[Context], Procedure[R]]) -> R:
+        """Run a procedure on the ground, after uploads and other such procedures; return its result.
 
-    async def set_parameters(self, values: Mapping[str, float]) -> None:
-        procedure = partial(parameters.set_parameters, wanted=values)
-        done: Done = await self._perform_on_ground("set parameters", procedure)
-        self._check(done, ParametersFailed, "the parameters are not all set")
-
-    async def put_fence(self, polygon: Sequence[LatLon]) -> None:
-        items = fence.fence_items(polygon)
-        done: Done = await self._perform_on_ground("upload fence", partial(fence.put_fence, items=items))
-        self._check(done, FenceFailed, "the fence is not verified on the vehicle")
-
-    async def read_fence(self) -> tuple[MissionItem, ...]:
-        found: DownloadResult = await self._read("fence", fence.read_fence, FenceFailed)
-        if found.outcome is not DownloadOutcome.COMPLETE:
-            raise FenceFailed(f"{self._label}: the fence cannot be read: {found.text}")
-        return found.items
-
-    async def enable_fence(self) -> None:
-        done: Done = await self._perform_on_ground("enable fence", fence.enable_fence)
-        self._check(done, FenceFailed, "the fence is not confirmed as enabled")
-
-    async def count_rally_points(self) -> int:
-        found: rally.RallyPoints = await self._read("rally points", rally.count_rally_points)
-        if found.count is None:
-            raise LinkError(f"{self._label}: the number of rally points is unknown: {found.failure}")
-        return found.count
-
-    async def read_instruments(self) -> Instruments:
-        result: Instruments = await self._read("GPS and clock", instruments.read_instruments)
+        Raises LinkError after an interruption.
+        """
+        async with self._ground_lock:
+            result: R | Done = await self._perform(subject, procedure)
+        if isinstance(result, Done):
+            raise LinkError(f"{self._label}: {subject}: {result.failure}")
         return result
 
     async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
+        """Arm and start the mission; return when the vehicle climbs. THIS ARMS THE VEHICLE.
+
+        `blocked_by` returns the current obstacle to the take-off as text, or "". The link calls `blocked_by`
+        right before arming and right before the take-off. No command follows once another party has chosen a
+        mode or armed the vehicle. Raises LaunchFailed, and LaunchBlockedError for an obstacle.
+        """
         if why_not := await self._front_end.why_not_arm():
             raise LaunchFailed(f"{self._label}: the vehicle is not armed: {why_not}")
         done: Done = await self._perform("launch", partial(basic.launch, blocked_by=blocked_by))
@@ -194,10 +187,20 @@ class DirectLink:
             raise LaunchFailed(f"{self._label}: {done.failure}")
 
     async def swap(self, plan: FlightPlan) -> Swapped:
+        """Upload and verify `plan` in flight and fly it, without hold mode if possible.
+
+        If the plan first follows the old plan (`leaves_ahead`), the vehicle continues at its next item. No
+        command follows once another party has chosen a mode.
+        """
         done: Swapped = await self._perform("swap", partial(basic.swap, plan=plan))
         return done
 
     async def recognise(self, plans: Mapping[int, FlightPlan], candidates: Sequence[int]) -> Recognised:
+        """Find out which of this program's plans a vehicle in flight stores and flies; change nothing.
+
+        A recognised mission counts as verified. `plans`, `candidates`: see `procedures.recognise`. Raises
+        LinkError if the vehicle cannot be read.
+        """
         self._require_connection()
         self._apply(self._session.keep_streams(self._now()))
         procedure = partial(recognise, plans=plans, candidates=candidates)
@@ -206,13 +209,30 @@ class DirectLink:
         return done
 
     async def hold(self, *, check_mode_first: bool = False) -> None:
+        """Set hold mode; a vehicle that follows set-points in this mode stops. Raises CommandFailed.
+
+        The first command is sent at once in any mode; repetitions stop once another party has chosen a mode.
+        If `check_mode_first`, a mode that has just changed stops the first command too; use this for commands
+        that no operator has given. The same applies to `return_home` and `land`.
+        """
         await self._perform_urgent("hold", partial(basic.hold, check_mode_first=check_mode_first))
 
     async def follow_setpoints(self) -> None:
+        """Make a vehicle that flies its mission follow set-points. Raises CommandFailed.
+
+        No command follows once another party has chosen a mode. The caller sends set-points from before this
+        call on: PX4 refuses the mode without them.
+        """
         done: Done = await self._perform("follow set-points", basic.follow_setpoints)
         self._check(done, CommandFailed, "the vehicle does not follow set-points")
 
     def send_setpoint(self, setpoint: SetPoint) -> bool:
+        """Send a set-point now, also during another call, without an answer; return whether it was sent.
+
+        False: the vehicle is not connected, or does not follow set-points, such as a fixed wing. A vehicle in
+        another mode ignores set-points, but PX4 returns to OFFBOARD if it left OFFBOARD for want of them.
+        Raises ValueError for a set-point that is incomplete or not finite.
+        """
         message = self._session.setpoint_message(setpoint, self._now())
         if message is None or self._channel is None:
             return False
@@ -220,15 +240,22 @@ class DirectLink:
         return True
 
     async def set_speed(self, speed_m_s: float) -> None:
+        """Set the speed until the mode changes. Raises CommandFailed, also outside of mission mode."""
         done: Done = await self._perform("set_speed", partial(basic.set_speed, speed_m_s=speed_m_s))
         self._check(done, CommandFailed, "set_speed failed")
 
     async def return_home(self, *, check_mode_first: bool = False) -> None:
+        """Set return mode. Raises CommandFailed."""
         await self._perform_urgent(
             "return_home", partial(basic.return_home, check_mode_first=check_mode_first)
         )
 
     async def land(self, *, check_mode_first: bool = False) -> None:
+        """Land at the current position; a fixed wing lands at a landing of its mission. Raises CommandFailed.
+
+        A fixed wing on the ground is disarmed. Before a command that disarms or may arm, the mode is always
+        checked.
+        """
         await self._perform_urgent("land", partial(basic.land, check_mode_first=check_mode_first))
 
     def close(self) -> None:
@@ -260,23 +287,6 @@ class DirectLink:
             )
         except LinkError as error:
             raise LinkError(f"{self.name}: {error}") from None
-
-    async def _read(
-        self,
-        subject: str,
-        procedure: Callable[[Context], Procedure[Any]],
-        error: Callable[[str], LinkError] = LinkError,
-    ) -> Any:
-        """Return the procedure's result. Raises `error` after an interruption."""
-        result = await self._perform_on_ground(f"read {subject}", procedure)
-        if isinstance(result, Done):
-            raise error(f"{self._label}: {subject} not read: {result.failure}")
-        return result
-
-    async def _perform_on_ground(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
-        """Return the procedure's result; after an interruption a `Done` with the reason."""
-        async with self._ground_lock:
-            return await self._perform(name, procedure)
 
     async def _perform_urgent(self, name: str, procedure: Callable[[Context], Procedure[Done]]) -> None:
         """Interrupt the running procedure, if any, and run this one."""
@@ -329,16 +339,9 @@ class DirectLink:
                 waiter, self._waiter = self._waiter, None
                 if not waiter.done():
                     waiter.set_result(event.result)
+            elif isinstance(event, StateChanged) and self._on_waiting is not None and event.state.not_ready:
+                self._on_waiting(event.state.not_ready)
             self._on_event(event)
-        self._report_waiting()
-
-    def _report_waiting(self) -> None:
-        """Report the reasons for waiting, at most once per REPORT_PERIOD_S."""
-        if self._on_waiting is None or self._now() < self._next_report_s:
-            return
-        if reasons := self._session.state.not_ready:
-            self._next_report_s = self._now() + REPORT_PERIOD_S
-            self._on_waiting(reasons)
 
     def _set_timer(self) -> None:
         deadline = self._session.next_deadline

@@ -126,7 +126,7 @@ _STATIONS: WeakKeyDictionary[FrontEnd, MavsdkStation] = WeakKeyDictionary()
 
 
 class MavsdkLink(DirectLink):
-    """`Link` with commands and missions by MAVSDK.
+    """Link with commands and missions by MAVSDK.
 
     MAVSDK needs the machine's clock: `connect` raises LinkError on a virtual clock.
     """

@@ -4,7 +4,8 @@
 |---|---|
 | `checks`, `facts` | one file for each check; the facts that the checks read |
 | `policy`, `declared` | required parameters of each firmware; declared behaviour of each vehicle |
-| `collection`, `conversation` | requests for the facts; set-up of the vehicles and rounds of checks |
+| `inspection` | the procedures on one vehicle: its set-up, and the questions for its facts |
+| `collection`, `conversation` | collection of the facts; set-up of all vehicles and rounds of checks |
 | `results`, `waivers`, `report` | results, accepted failures, tables |
 | `host` | checks of this computer |
 

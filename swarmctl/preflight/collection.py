@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import statistics
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Protocol
 
@@ -16,23 +15,28 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.config.scenario import Scenario, separation_of
 from swarmctl.config.specs import Spec
-from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.links.base import FenceFailed, Link, LinkError
+from swarmctl.core.mission import FlightPlan
+from swarmctl.links.base import LinkError
+from swarmctl.links.direct import DirectLink
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.firmware import firmware_of
 from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.preflight.checks.battery import SIMULATED_ENDURANCE_S
 from swarmctl.preflight.declared import declared_behaviour
-from swarmctl.preflight.facts import OtherVehicle, PreflightFacts
+from swarmctl.preflight.facts import Answers, OtherVehicle, PreflightFacts
+from swarmctl.preflight.inspection import inspect
 from swarmctl.preflight.policy import NoParameterTable, RequiredParameter, parameters_for
 from swarmctl.preflight.policy.required import corrections
+
+RequiredParameters = tuple[tuple[RequiredParameter, ...], str]
+"""the required parameters of a vehicle, and the reason as text if they are unknown"""
 
 
 class ConnectedAgent(Protocol):
     """The link of a vehicle, and the state of its agent."""
 
     @property
-    def link(self) -> Link: ...
+    def link(self) -> DirectLink: ...
     @property
     def state(self) -> AgentState: ...
     @property
@@ -52,20 +56,6 @@ class VehicleToCheck(Protocol):
     @property
     def not_ready_because(self) -> str:
         """The reason why the vehicle cannot be made ready, as text; empty if there is none."""
-
-
-@dataclass(slots=True)
-class _Answers:
-    """The answers of one vehicle; a missing answer has the default value."""
-
-    required: tuple[RequiredParameter, ...]
-    no_table_because: str
-    """reason why the required parameters are unknown; empty if they are known"""
-    instruments: Instruments = field(default_factory=partial(Instruments, None, None, None))
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    fence_failure: str = ""
-    rally_points: int | None = None
-    fence: tuple[MissionItem, ...] | None = None
 
 
 class FactCollector:
@@ -103,7 +93,8 @@ class FactCollector:
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
     ) -> list[PreflightFacts]:
         """Return the facts of `vehicles`; `everyone` are all vehicles of this process."""
-        answers_of = await asyncio.gather(*map(self._ask, vehicles))
+        required_of = [self.required_parameters(vehicle) for vehicle in vehicles]
+        answers_of = await asyncio.gather(*map(self._ask, vehicles, required_of))
         # The first route begins at the take-off position, so a vehicle in the air keeps its last trajectory.
         standing = ON_GROUND | {Phase.LAUNCHING}
         self.trajectories |= {
@@ -111,10 +102,10 @@ class FactCollector:
         }
         for vehicle, answers in zip(vehicles, answers_of, strict=True):
             self._instruments[vehicle.spec.name] = answers.instruments
-        return [self._facts(v, everyone, a) for v, a in zip(vehicles, answers_of, strict=True)]
+        asked = zip(vehicles, required_of, answers_of, strict=True)
+        return [self._facts(vehicle, everyone, required, found) for vehicle, required, found in asked]
 
-    def required_parameters(self, vehicle: VehicleToCheck) -> tuple[tuple[RequiredParameter, ...], str]:
-        """Return the required parameters, and the reason as text if they are unknown."""
+    def required_parameters(self, vehicle: VehicleToCheck) -> RequiredParameters:
         if vehicle.identity is None:
             return (), "unknown firmware: AUTOPILOT_VERSION has not arrived"
         try:
@@ -123,64 +114,51 @@ class FactCollector:
         except NoParameterTable as error:
             return (), str(error)
 
-    async def _ask(self, vehicle: VehicleToCheck) -> _Answers:
-        """Return a vehicle's answers; a LinkError ends the requests, except at the rally points."""
-        link, answers = vehicle.runner.link, _Answers(*self.required_parameters(vehicle))
+    async def _ask(self, vehicle: VehicleToCheck, required: RequiredParameters) -> Answers:
         try:
-            answers.instruments = await link.read_instruments()
-            answers.parameters = await link.read_parameters([r.name for r in answers.required])
-            answers.fence_failure = await _enable_fence(link, answers.required, answers.parameters)
-            answers.rally_points = await self._count_rally_points(link)
-            answers.fence = await link.read_fence()
+            answers = await vehicle.runner.link.ask("preflight", partial(inspect, required=required[0]))
         except LinkError as error:
             self._say(str(error))
+            return Answers()
+        for failure in answers.failures:
+            self._say(f"{vehicle.spec.name}: {failure}")
         return answers
 
-    async def _count_rally_points(self, link: Link) -> int | None:
-        try:
-            return await link.count_rally_points()
-        except LinkError as error:
-            self._say(str(error))
-            return None
-
     def _facts(
-        self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck], answers: _Answers
+        self,
+        vehicle: VehicleToCheck,
+        everyone: Sequence[VehicleToCheck],
+        required: RequiredParameters,
+        answers: Answers,
     ) -> PreflightFacts:
         spec, runner, section = vehicle.spec, vehicle.runner, self._scenario.config.preflight
+        parameters, no_table_because = required
         state = runner.link.state()
         return PreflightFacts(
-            name=spec.name,
-            sysid=spec.sysid,
+            spec=spec,
             identity=vehicle.identity,
             conflict=runner.conflict,
             state=state,
             age_s=runner.link.age_s(),
             position_age_s=_age_s(state.position_s),
             status_age_s=_age_s(state.status_s),
-            instruments=answers.instruments,
+            answers=answers,
             clock_offset_s=self._clock_offset_s(vehicle, everyone),
             clock_tolerance_s=section.clock_tolerance_s * (self._speedup if spec.simulated else 1.0),
-            required_parameters=answers.required,
-            no_table_because=answers.no_table_because,
-            parameters=answers.parameters,
-            fly_sets=corrections(answers.required, answers.parameters) if self._fly_may_set else {},
+            required_parameters=parameters,
+            no_table_because=no_table_because,
+            fly_sets=corrections(parameters, answers.parameters) if self._fly_may_set else {},
             may_set_parameters=section.set_parameters,
             fence=self.fence_polygon,
-            fence_items=answers.fence,
-            fence_failure=answers.fence_failure,
-            rally_points=answers.rally_points,
             ceiling_m=self._scenario.ceiling_m,
             plan=_verified_plan(vehicle),
             no_route_because=vehicle.not_ready_because or runner.state.outcome or runner.state.trouble,
             trajectory=self.trajectories.get(spec.name),
-            altitude_m=spec.altitude_m,
-            speed_m_s=spec.speed_m_s,
             endurance_s=section.endurance_s or (SIMULATED_ENDURANCE_S if _is_simulated(vehicle) else None),
             reserve_percent=section.reserve_percent,
             frame=self._scenario.grid.frame,
             others=tuple(self._others(spec, everyone)),
             limits=self.limits,
-            airframe=spec.airframe,
         )
 
     def _others(self, spec: Spec, everyone: Sequence[VehicleToCheck]) -> Iterable[OtherVehicle]:
@@ -193,15 +171,8 @@ class FactCollector:
         }
         for other in self._scenario.swarm:
             if other.name != spec.name:
-                yield OtherVehicle(
-                    other.name,
-                    other.sysid,
-                    other.altitude_m,
-                    identities.get(other.name),
-                    self.trajectories.get(other.name),
-                    other.airframe,
-                    other.name in taken_over,
-                )
+                identity, trajectory = identities.get(other.name), self.trajectories.get(other.name)
+                yield OtherVehicle(other, identity, trajectory, other.name in taken_over)
 
     def _clock_offset_s(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> float | None:
         """Return a vehicle's clock less its reference [s]; None if the vehicle reports no time.
@@ -224,26 +195,6 @@ class FactCollector:
             return None
         speedup = self._speedup if vehicle.spec.simulated else 1.0
         return instruments.unix_s - (self._unix_s_at_zero + instruments.unix_received_s * speedup)
-
-
-_FENCE_SELECTION = frozenset({"FENCE_ENABLE", "FENCE_TYPE"})
-
-
-async def _enable_fence(
-    link: Link, required: Sequence[RequiredParameter], parameters: Mapping[str, float]
-) -> str:
-    """Command an ArduPilot to enforce the fences of FENCE_TYPE; return the failure, or an empty text.
-
-    No command is sent if the fence's parameters are wrong.
-    """
-    selection = [r for r in required if r.name in _FENCE_SELECTION]
-    if not selection or not all(r.met_by(parameters) for r in selection):
-        return ""
-    try:
-        await link.enable_fence()
-    except FenceFailed as error:
-        return str(error)
-    return ""
 
 
 def _is_simulated(vehicle: VehicleToCheck) -> bool:

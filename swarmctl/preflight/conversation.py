@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine, Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts, count_crossings
 from swarmctl.agent.traffic.separation.trajectory import until_landing
-from swarmctl.links.base import FenceFailed, ParametersFailed
 from swarmctl.preflight.checks import CHECKS, separation
 from swarmctl.preflight.collection import FactCollector, VehicleToCheck
 from swarmctl.preflight.facts import PreflightFacts, changes
-from swarmctl.preflight.policy.required import corrections
+from swarmctl.preflight.inspection import set_up
 from swarmctl.preflight.results import CheckResult
 from swarmctl.preflight.waivers import Waiver
 
@@ -50,24 +49,15 @@ class Preflight:
         Failures are reported to the operator; the checks find them again. Raises LinkError if the vehicle
         does not answer.
         """
-        if self._sets_parameters:
-            await self._report_failure(self._correct_parameters(vehicle))
-        await self._report_failure(vehicle.runner.link.put_fence(self._collector.fence_polygon))
-
-    async def _report_failure(self, action: Coroutine[Any, Any, None]) -> None:
-        try:
-            await action
-        except (ParametersFailed, FenceFailed) as error:
-            self._say(str(error))
-
-    async def _correct_parameters(self, vehicle: VehicleToCheck) -> None:
-        required, _ = self._collector.required_parameters(vehicle)
-        link = vehicle.runner.link
-        found = await link.read_parameters([r.name for r in required])
-        if new := corrections(required, found):
-            await link.set_parameters(new)
+        required, _ = self._collector.required_parameters(vehicle) if self._sets_parameters else ((), "")
+        procedure = partial(set_up, wrong=required, polygon=self._collector.fence_polygon)
+        done = await vehicle.runner.link.ask("set up", procedure)
+        texts = list(done.failures)
+        if done.written:
             text = "parameters written permanently, as the configuration declares"
-            self._say(f"{vehicle.spec.name}: {text}: {changes(new, found)}")
+            texts.append(f"{text}: {changes(done.written, done.found)}")
+        for text in texts:
+            self._say(f"{vehicle.spec.name}: {text}")
 
     async def failures(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
@@ -109,10 +99,10 @@ class Preflight:
         known = (until_landing(trajectory) for trajectory in trajectories if trajectory is not None)
         self.crossings = count_crossings(dict(enumerate(known)), self._collector.limits)
         for facts in collected:
-            self.checked[facts.name] = tuple(self._check(facts))
+            self.checked[facts.spec.name] = tuple(self._check(facts))
 
     def _check(self, facts: PreflightFacts) -> Iterable[CheckResult]:
         for check in CHECKS:
             finding = check.check(facts)
-            waived = check.WAIVABLE and any(w.covers(check.NAME, facts.name) for w in self._waivers)
-            yield CheckResult(facts.name, check.NAME, check.WAIVABLE, finding, waived and not finding.ok)
+            waived = check.WAIVABLE and any(w.covers(check.NAME, facts.spec.name) for w in self._waivers)
+            yield CheckResult(facts.spec.name, check.NAME, check.WAIVABLE, finding, waived and not finding.ok)

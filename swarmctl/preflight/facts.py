@@ -9,23 +9,37 @@ import msgspec
 
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.config.specs import Spec
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.core.vehicle import Airframe, VehicleState
+from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.preflight.policy import RequiredParameter
 
 
+class Answers(msgspec.Struct, frozen=True):
+    """The answers of one vehicle; a missing answer has the default value."""
+
+    instruments: Instruments = Instruments(None, None, None)
+    parameters: Mapping[str, float] = {}
+    """reported values, by name"""
+    fence_items: tuple[MissionItem, ...] | None = None
+    """items of the fence, read back"""
+    fence_failure: str = ""
+    """failure to make an ArduPilot enforce its fence, as text; empty if there is none"""
+    rally_points: int | None = None
+    """number of rally points on the vehicle"""
+    failures: tuple[str, ...] = ()
+    """reasons for missing answers, as texts"""
+
+
 class OtherVehicle(msgspec.Struct, frozen=True):
     """Another vehicle of the swarm. A vehicle of another process has no identity and no trajectory here."""
 
-    name: str
-    sysid: int
-    altitude_m: float
+    spec: Spec
     identity: Identity | None
     trajectory: Trajectory | None
-    airframe: Airframe = "copter"
     was_taken_over: bool = False
     """True for a vehicle in flight, or down again, that an earlier program launched"""
 
@@ -33,9 +47,8 @@ class OtherVehicle(msgspec.Struct, frozen=True):
 class PreflightFacts(msgspec.Struct, frozen=True):
     """The facts of one vehicle. None or an empty mapping: unknown."""
 
-    name: str
-    sysid: int
-    """configured system id"""
+    spec: Spec
+    """the configured vehicle"""
     identity: Identity | None
     conflict: str
     """another sender with the vehicle's system id, as text; empty if there is none"""
@@ -46,27 +59,19 @@ class PreflightFacts(msgspec.Struct, frozen=True):
     """time since the last position; infinite before the first"""
     status_age_s: float
     """time since the last SYS_STATUS (charge, readiness to arm); infinite before the first"""
-    instruments: Instruments
+    answers: Answers
     clock_offset_s: float | None
     """the vehicle's clock minus the reference clock"""
     clock_tolerance_s: float
     required_parameters: tuple[RequiredParameter, ...]
     no_table_because: str
     """reason why the required parameters are unknown; empty if they are known"""
-    parameters: Mapping[str, float]
-    """reported values, by name"""
     fly_sets: Mapping[str, float]
     """values that `swarmctl fly` sets before its checks, by name; empty in a run of `fly` itself"""
     may_set_parameters: bool
     """preflight.set_parameters"""
     fence: tuple[LatLon, ...]
     """configured corners"""
-    fence_items: tuple[MissionItem, ...] | None
-    """items read back"""
-    fence_failure: str
-    """failure to make an ArduPilot enforce its fence, as text; empty if there is none"""
-    rally_points: int | None
-    """number of rally points on the vehicle"""
     ceiling_m: float
     """greatest allowed height above home"""
     plan: FlightPlan | None
@@ -75,9 +80,6 @@ class PreflightFacts(msgspec.Struct, frozen=True):
     """reason why the vehicle has no route, as text"""
     trajectory: Trajectory | None
     """positions over time on the first route; times count from the first launch"""
-    altitude_m: float
-    """flight altitude above home"""
-    speed_m_s: float
     endurance_s: float | None
     reserve_percent: float
     frame: LocalFrame
@@ -85,8 +87,6 @@ class PreflightFacts(msgspec.Struct, frozen=True):
     others: tuple[OtherVehicle, ...]
     limits: Limits
     """least distances from another vehicle"""
-    airframe: Airframe = "copter"
-    """configured kind of vehicle"""
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -102,7 +102,9 @@ class Finding(msgspec.Struct, frozen=True):
     @classmethod
     def cured_by_fly(cls, found: str, wanted: str, facts: PreflightFacts) -> Finding:
         """Return a failure that ends with the parameters of `fly_sets`."""
-        return cls(False, found, wanted, f"`fly` sets: {changes(facts.fly_sets, facts.parameters)}", True)
+        return cls(
+            False, found, wanted, f"`fly` sets: {changes(facts.fly_sets, facts.answers.parameters)}", True
+        )
 
 
 def changes(new: Mapping[str, float], found: Mapping[str, float]) -> str:

@@ -18,7 +18,6 @@ from swarmctl.links.base import (
     AddressChanged,
     Busy,
     CommandFailed,
-    FenceFailed,
     LaunchBlockedError,
     LaunchFailed,
     LinkError,
@@ -28,6 +27,7 @@ from swarmctl.links.base import (
     UploadFailed,
 )
 from swarmctl.mavlink.events import FirstHeartbeat, ProcedureDone, VehicleLost, VehicleRestored
+from swarmctl.mavlink.procedures.rally import RallyPoints, count_rally_points
 from swarmctl.mavlink.protocol.outcome import Done
 
 REAL = {"mavsdk"}
@@ -95,8 +95,8 @@ def test_identify_detects_another_vehicle(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
             link = world.link()
-            with pytest.raises(LinkError, match=r"\[not-connected\]"):
-                await link.identify(5)
+            with pytest.raises(NoAnswer, match=r"\[no-heartbeat\]"):
+                await link.identify(1)
             assert (await link.connect(10)).simulated
             world.copters[1].uid2 = b"an aircraft"
             again = await link.identify(5)
@@ -252,20 +252,14 @@ def test_a_cancelled_upload_is_cancelled_on_the_vehicle(kind):
     play(story(), real=kind != "direct")
 
 
-def test_rally_points_are_counted_and_a_fence_is_enabled_on_the_ground(kind):
+def test_a_procedure_on_the_ground_returns_its_result(kind):
     async def story():
         async with World(Copter(1, Script(rally_points=2)), kind=kind) as world:
             link = world.link()
             with pytest.raises(LinkError, match=r"\[not-connected\]"):
-                await link.count_rally_points()
+                await link.ask("rally points", count_rally_points)
             await link.connect(10)
-            assert await link.count_rally_points() == 2
-            await link.enable_fence()
-            fences = [params for number, params in world.copters[1].commands if number == 207]
-            assert fences == [(1.0, *(0.0,) * 6)]
-            world.copters[1].script.fences = False
-            with pytest.raises(FenceFailed, match=r"alpha .*DO_FENCE_ENABLE: UNSUPPORTED"):
-                await link.enable_fence()
+            assert await link.ask("rally points", count_rally_points) == RallyPoints(2)
 
     play(story(), real=kind != "direct")
 

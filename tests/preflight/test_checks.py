@@ -37,8 +37,13 @@ def finding(name: str, facts: PreflightFacts) -> Finding:
     return check.check(facts)
 
 
-def but(**changes: Any) -> PreflightFacts:
-    return replace(FIT, **changes)
+def but(facts: PreflightFacts = FIT, **changes: Any) -> PreflightFacts:
+    """Return facts with other values of their own fields, or of the vehicle's answers or configuration."""
+    for part in ("answers", "spec"):
+        record = getattr(facts, part)
+        named = {name: changes.pop(name) for name in [*changes] if name in record.__struct_fields__}
+        facts = replace(facts, **{part: replace(record, **named)})
+    return replace(facts, **changes)
 
 
 def state(**changes: Any) -> PreflightFacts:
@@ -46,17 +51,19 @@ def state(**changes: Any) -> PreflightFacts:
 
 
 def gps(**changes: Any) -> PreflightFacts:
-    return replace(FIT, instruments=Instruments(replace(FIX, **changes), 1.8e9, 10.0))
+    return but(instruments=Instruments(replace(FIX, **changes), 1.8e9, 10.0))
 
 
 def low_at(low_v: float, *, reported_v: float | None) -> PreflightFacts:
     """Facts of an ArduPilot with this low voltage and this present voltage."""
-    parameters = {**FIT.parameters, "BATT_LOW_VOLT": low_v}
-    return replace(FIT, parameters=parameters, state=replace(STATE, battery_v=reported_v))
+    parameters = {**FIT.answers.parameters, "BATT_LOW_VOLT": low_v}
+    return but(parameters=parameters, state=replace(STATE, battery_v=reported_v))
 
 
 def other(**changes: Any) -> PreflightFacts:
-    return replace(FIT, others=(replace(FIT.others[0], **changes),))
+    other = FIT.others[0]
+    configured = {name: changes.pop(name) for name in [*changes] if name in other.spec.__struct_fields__}
+    return replace(FIT, others=(replace(other, spec=replace(other.spec, **configured), **changes),))
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.NAME)
@@ -126,7 +133,7 @@ UNFIT: list[tuple[str, PreflightFacts, str]] = [
     ("separation", other(airframe="plane", trajectory=None), "uav2"),
     ("separation", other(altitude_m=42.5), r"\b0 m .*uav2 .*\b0 s"),
     ("separation", other(altitude_m=40.0, trajectory=None), r"uav2\b.* 40 m"),
-    ("separation", but(trajectory=None, others=(replace(FIT.others[0], altitude_m=40.0),)), "uav1"),
+    ("separation", but(trajectory=None, others=other(altitude_m=40.0).others), "uav1"),
 ]
 
 
@@ -157,7 +164,7 @@ def test_every_check_has_a_row_that_fails() -> None:
 
 def test_a_fixed_wing_with_landings_inside_the_fence_and_along_its_first_leg_passes() -> None:
     stands = replace(STATE, heading_deg=101.0)
-    fit = replace(FIT, airframe="plane", plan=landing(place(300.0, 300.0)), state=stands)
+    fit = but(airframe="plane", plan=landing(place(300.0, 300.0)), state=stands)
     assert finding("route", fit).ok
     assert finding("heading", fit).ok
     assert finding("identity", replace(fit, identity=replace(FIT.identity, vehicle_type=1))).ok
@@ -255,10 +262,10 @@ def test_a_parameter_that_a_firmware_has_and_does_not_report_fails() -> None:
     required = parameters_for(Firmware("PX4", (1, 16)), behaviour)
     of_the_link = but(required_parameters=tuple(r for r in required if "lost_link" in r.declared))
     reported = {"NAV_DLL_ACT": 2.0, "COM_DL_LOSS_T": 10.0}
-    found = finding("parameters", replace(of_the_link, parameters=reported))
+    found = finding("parameters", but(of_the_link, parameters=reported))
     assert not found.ok
     assert found.found.startswith("COM_DLL_EXCEPT ")
     assert "COM_DLL_EXCEPT" in found.cure
     for value, ok in ((0.0, True), (6.0, True), (1.0, False)):
-        complete = replace(of_the_link, parameters=reported | {"COM_DLL_EXCEPT": value})
+        complete = but(of_the_link, parameters=reported | {"COM_DLL_EXCEPT": value})
         assert finding("parameters", complete).ok is ok

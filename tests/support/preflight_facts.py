@@ -7,13 +7,14 @@ from itertools import pairwise
 
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.config.specs import Spec
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.procedures.fence import fence_items
 from swarmctl.mavlink.telemetry.instruments import GpsFix, Instruments
-from swarmctl.preflight.facts import OtherVehicle, PreflightFacts
+from swarmctl.preflight.facts import Answers, OtherVehicle, PreflightFacts
 from swarmctl.preflight.policy import RequiredParameter
 
 FRAME = LocalFrame(46.0, 14.4)
@@ -59,9 +60,12 @@ STATE = VehicleState(
 FIX = GpsFix(3, 9, 1.2)
 
 
+def _spec(sysid: int, altitude_m: float) -> Spec:
+    return Spec(f"uav{sysid}", sysid, "", "direct", False, START, (0, 0), ((4, 3),), altitude_m, 0.0)
+
+
 FIT = PreflightFacts(
-    name="uav1",
-    sysid=1,
+    spec=_spec(1, 40.0),
     identity=Identity(1, 3, 2, "ArduPilot 4.6.2", b"\x01".ljust(18)),
     conflict="",
     no_route_because="",
@@ -69,32 +73,30 @@ FIT = PreflightFacts(
     age_s=0.4,
     position_age_s=0.2,
     status_age_s=0.9,
-    instruments=Instruments(FIX, 1.8e9, 10.0, position_every_s=0.25),
+    answers=Answers(
+        Instruments(FIX, 1.8e9, 10.0, position_every_s=0.25),
+        {"FENCE_ENABLE": 1.0},
+        fence_items(SQUARE),
+        "",
+        0,
+    ),
     clock_offset_s=0.3,
     clock_tolerance_s=2.0,
     required_parameters=(RequiredParameter("FENCE_ENABLE", "a fence", 1.0, (1.0,)),),
     no_table_because="",
-    parameters={"FENCE_ENABLE": 1.0},
     fly_sets={},
     may_set_parameters=False,
     fence=SQUARE,
-    fence_items=fence_items(SQUARE),
-    fence_failure="",
-    rally_points=0,
     ceiling_m=90.0,
     plan=plan((0.0, 0.0), (400.0, 300.0)),
     trajectory=flight((-50.0, 0.0), (0.0, 0.0), (400.0, 300.0)),
     limits=Limits(10.0, 3.0),
-    altitude_m=40.0,
-    speed_m_s=10.0,
     endurance_s=900.0,
     reserve_percent=20.0,
     frame=FRAME,
     others=(
         OtherVehicle(
-            "uav2",
-            2,
-            45.0,
+            _spec(2, 45.0),
             Identity(2, 3, 2, "", b"\x02".ljust(18)),
             flight((-50.0, 0.0), (0.0, 0.0), (400.0, 300.0)),
         ),

@@ -49,13 +49,13 @@ at least this share of the present voltage, for any number of cells."""
 
 
 def _is_low_voltage_safe(facts: PreflightFacts) -> bool:
-    low_v, reported_v = facts.parameters.get(LOW_NAME), facts.state.battery_v
+    low_v, reported_v = facts.answers.parameters.get(LOW_NAME), facts.state.battery_v
     return low_v is None or (reported_v is not None and low_v >= EMPTY_SHARE * reported_v)
 
 
 def _unsafe_low_voltage(facts: PreflightFacts) -> tuple[str, str, str]:
     """Return found, wanted and cure."""
-    low, reported_v = f"{LOW_NAME} {facts.parameters[LOW_NAME]:g} V", facts.state.battery_v
+    low, reported_v = f"{LOW_NAME} {facts.answers.parameters[LOW_NAME]:g} V", facts.state.battery_v
     if reported_v is None:
         return f"{low}, no voltage in SYS_STATUS", "a reported voltage", "check the battery monitor"
     wanted = f"{LOW_NAME} {EMPTY_SHARE * reported_v:.1f} V or more, the voltage of an empty lithium battery"
@@ -71,7 +71,7 @@ def flight_s(facts: PreflightFacts) -> float | None:
     state = facts.state
     if facts.trajectory is None or facts.plan is None or state.lat_deg is None or state.lon_deg is None:
         return None
-    return out_and_back_s(facts.trajectory, facts.plan, (state.lat_deg, state.lon_deg), facts.speed_m_s)
+    return out_and_back_s(facts.trajectory, facts.plan, (state.lat_deg, state.lon_deg), facts.spec.speed_m_s)
 
 
 def out_and_back_s(trajectory: Trajectory, plan: FlightPlan, start: LatLon, speed_m_s: float) -> float:

@@ -11,13 +11,13 @@ WAIVABLE = True
 
 def check(facts: PreflightFacts) -> Finding:
     wanted = f"the configured fence of {len(facts.fence)} corners, equal in the read-back"
-    if facts.fence_items is None:
+    if facts.answers.fence_items is None:
         return Finding(False, "no answer to the download of the fence", wanted, "check the vehicle's link")
-    differences = fence_differences(fence_items(facts.fence), facts.fence_items)
+    differences = fence_differences(fence_items(facts.fence), facts.answers.fence_items)
     if differences:
         cure = "find out why the vehicle's fence differs; another ground station may have changed the fence"
         return Finding(False, differences[0], wanted, cure)
-    if facts.fence_failure:
+    if facts.answers.fence_failure:
         cure = "find out why the vehicle does not accept DO_FENCE_ENABLE, or reboot the vehicle"
-        return Finding(False, facts.fence_failure, wanted, cure)
-    return Finding(True, f"{len(facts.fence_items)} corners, as sent", wanted)
+        return Finding(False, facts.answers.fence_failure, wanted, cure)
+    return Finding(True, f"{len(facts.answers.fence_items)} corners, as sent", wanted)

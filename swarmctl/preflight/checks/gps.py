@@ -14,7 +14,7 @@ MAX_HDOP = 2.0
 
 def check(facts: PreflightFacts) -> Finding:
     wanted = f"fix type {FIX_3D} (3D) or more, {MIN_SATELLITES} satellites or more, HDOP {MAX_HDOP:g} or less"
-    gps = facts.instruments.gps
+    gps = facts.answers.instruments.gps
     if gps is None:
         return Finding(
             False, "no answer to the request for GPS_RAW_INT", wanted, "check the satellite receiver"

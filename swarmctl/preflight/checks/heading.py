@@ -13,7 +13,7 @@ MAX_ANGLE_DEG = 25.0
 
 
 def check(facts: PreflightFacts) -> Finding:
-    if facts.airframe != "plane":
+    if facts.spec.airframe != "plane":
         return Finding(True, "a copter, which takes off on the spot", "any heading")
     state, plan, wanted = facts.state, facts.plan, "a heading along the first leg"
     if plan is None:

@@ -10,14 +10,14 @@ WAIVABLE = False
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"system {facts.sysid}, ArduPilot or PX4, a {facts.airframe}"
+    wanted = f"system {facts.spec.sysid}, ArduPilot or PX4, a {facts.spec.airframe}"
     identity = facts.identity
     if identity is None:
         return Finding(False, "no AUTOPILOT_VERSION", wanted, "check the vehicle's link")
     airframe = airframe_of(identity)
     found = f"system {identity.sysid}, {identity.firmware}, a {airframe}"
-    if airframe != facts.airframe:
-        cure = f"configure the vehicle with `airframe: {airframe}`; its plans are for a {facts.airframe}"
+    if airframe != facts.spec.airframe:
+        cure = f"configure the vehicle with `airframe: {airframe}`; its plans are for a {facts.spec.airframe}"
         return Finding(False, found, wanted, cure)
-    matches = identity.sysid == facts.sysid and bool(firmware_of(identity).name)
+    matches = identity.sysid == facts.spec.sysid and bool(firmware_of(identity).name)
     return Finding(matches, found, wanted, "" if matches else "correct url or sysid, or remove the vehicle")

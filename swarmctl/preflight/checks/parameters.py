@@ -19,7 +19,7 @@ _UNSUPPORTED = (
 def check(facts: PreflightFacts) -> Finding:
     if facts.no_table_because:
         return Finding(False, facts.no_table_because, _WANTED, _UNSUPPORTED)
-    wrong = [r for r in facts.required_parameters if not r.met_by(facts.parameters)]
+    wrong = [r for r in facts.required_parameters if not r.met_by(facts.answers.parameters)]
     if not wrong:
         return Finding(True, f"{len(facts.required_parameters)} parameters as declared", _WANTED)
     found = "; ".join(f"{r.name} {_value(facts, r)}, wanted {r} ({r.declared})" for r in wrong)
@@ -30,9 +30,9 @@ def check(facts: PreflightFacts) -> Finding:
 
 def _cure(facts: PreflightFacts, wrong: Sequence[RequiredParameter]) -> str:
     """Return what to do: set parameters by this program or by hand, or change the configuration."""
-    unreported = [r.name for r in wrong if r.name not in facts.parameters]
-    reported = [r for r in wrong if r.name in facts.parameters]
-    settable = [r.name for r in reported if r.corrected(facts.parameters[r.name]) is not None]
+    unreported = [r.name for r in wrong if r.name not in facts.answers.parameters]
+    reported = [r for r in wrong if r.name in facts.answers.parameters]
+    settable = [r.name for r in reported if r.corrected(facts.answers.parameters[r.name]) is not None]
     by_hand = [r.name for r in reported if r.name not in settable]
     declared = [r.declared for r in reported]
     by_policy: dict[str, list[str]] = {}
@@ -65,5 +65,5 @@ def _names(names: Sequence[str]) -> str:
 
 
 def _value(facts: PreflightFacts, required: RequiredParameter) -> str:
-    value = facts.parameters.get(required.name)
+    value = facts.answers.parameters.get(required.name)
     return "not reported" if value is None else f"{value:g}"

@@ -10,9 +10,9 @@ WAIVABLE = True
 
 def check(facts: PreflightFacts) -> Finding:
     wanted = "no rally points: the vehicle would return to a rally point instead of home"
-    if facts.rally_points is None:
+    if facts.answers.rally_points is None:
         return Finding(False, "no answer to the request for rally points", wanted, "check the vehicle's link")
-    if facts.rally_points:
+    if facts.answers.rally_points:
         cure = "clear the rally points with the program that set them"
-        return Finding(False, f"{facts.rally_points} rally points", wanted, cure)
+        return Finding(False, f"{facts.answers.rally_points} rally points", wanted, cure)
     return Finding(True, "none", wanted)

@@ -22,14 +22,15 @@ def check(facts: PreflightFacts) -> Finding:
 def _conflict_with(facts: PreflightFacts, other: OtherVehicle) -> str:
     if other.was_taken_over:
         return ""  # agents compare its flight with the first route before the launch
+    one, two = facts.spec, other.spec
     # A copter climbs and descends on the spot, a fixed wing on its route.
-    both_copters = facts.airframe == other.airframe == "copter"
-    if both_copters and abs(other.altitude_m - facts.altitude_m) >= facts.limits.vertical_m - 1e-9:
+    both_copters = one.airframe == two.airframe == "copter"
+    if both_copters and abs(two.altitude_m - one.altitude_m) >= facts.limits.vertical_m - 1e-9:
         return ""
     if facts.trajectory is None or other.trajectory is None:
-        heights = f" (altitudes {facts.altitude_m:g} m and {other.altitude_m:g} m)" if both_copters else ""
-        return f"no known route of {other.name if other.trajectory is None else facts.name}{heights}"
+        heights = f" (altitudes {one.altitude_m:g} m and {two.altitude_m:g} m)" if both_copters else ""
+        return f"no known route of {two.name if other.trajectory is None else one.name}{heights}"
     approach = closest(facts.trajectory, other.trajectory, facts.limits)
     if approach is None or not intervals(facts.trajectory, other.trajectory, facts.limits):
         return ""
-    return f"{approach.horizontal_m:.0f} m over ground from {other.name} after {approach.t_s:.0f} s"
+    return f"{approach.horizontal_m:.0f} m over ground from {two.name} after {approach.t_s:.0f} s"

@@ -12,7 +12,7 @@ MAX_PERIOD_S = 2.5
 
 def check(facts: PreflightFacts) -> Finding:
     wanted = f"a position every {MAX_PERIOD_S:g} s or sooner"
-    every_s = facts.instruments.position_every_s
+    every_s = facts.answers.instruments.position_every_s
     if every_s is None:
         return Finding(False, "too few positions", wanted, "check the vehicle's link")
     found = f"a position every {every_s:.1f} s"

@@ -13,16 +13,15 @@ def check(facts: PreflightFacts) -> Finding:
     wanted = "one vehicle at one system id"
     if facts.conflict:
         return Finding(False, facts.conflict, wanted, "give each vehicle its own system id")
-    same_id = [other.name for other in facts.others if other.sysid == facts.sysid]
+    same_id = [other.spec.name for other in facts.others if other.spec.sysid == facts.spec.sysid]
     if same_id:
-        return Finding(
-            False, f"system {facts.sysid}, as {', '.join(same_id)}", wanted, "give each vehicle its own sysid"
-        )
-    twins = [other.name for other in facts.others if _same_board(facts, other.identity)]
+        found = f"system {facts.spec.sysid}, as {', '.join(same_id)}"
+        return Finding(False, found, wanted, "give each vehicle its own sysid")
+    twins = [other.spec.name for other in facts.others if _same_board(facts, other.identity)]
     if twins:
         cure = "two URLs lead to one vehicle; correct one of them"
         return Finding(False, f"the same autopilot as {', '.join(twins)}, by its uid", wanted, cure)
-    return Finding(True, f"system {facts.sysid}, no other vehicle", wanted)
+    return Finding(True, f"system {facts.spec.sysid}, no other vehicle", wanted)
 
 
 def _same_board(facts: PreflightFacts, other: Identity | None) -> bool:
