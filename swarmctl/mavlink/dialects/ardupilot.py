@@ -5,8 +5,8 @@ Facts observed on ArduCopter 4.6.2 in software-in-the-loop.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from math import inf, trunc
+from collections.abc import Mapping
+from math import trunc
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.records import replace
-from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
+from swarmctl.mavlink.dialects.base import Dialect
+from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, item_at
 from swarmctl.mavlink.protocol.command import Command, CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
@@ -46,7 +47,7 @@ def modes(enum: str) -> Mapping[int, str]:
     )
 
 
-class ArduPilot:
+class ArduPilot(Dialect):
     """Common part of the dialects of ArduPilot."""
 
     name = "ArduPilot"
@@ -54,7 +55,6 @@ class ArduPilot:
     mission_mode = "AUTO"
     return_mode = "RTL"
     land_mode = "LAND"
-    setpoint_mode: str | None = None
     mode_names: Mapping[int, str]
     streams_hz: Mapping[int, float] = MappingProxyType(
         {
@@ -66,22 +66,19 @@ class ArduPilot:
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.2,
         }
     )
-    first_seq: int | None = None
-    arms_at_any_item = True
     first_waypoint_seq = 2
     """after home and the take-off"""
     uncounted_items = 1
     upload_timeout_s = 9.0
     """ArduPilot ends a transfer after 8 s without an item"""
     uploads_atomically = False
-    flies_stored_within_m = inf
-    brakes_m_s2: float | None = None
-    start_delay_s = 0.0
     serves_single_items = True
-    lands_at_nearest = True
     may_lack_rally = True
-    start_mission: tuple[int, tuple[float, ...]] = (int(mavlink.MAV_CMD_MISSION_START), ())
-    """without this command, a vehicle armed in AUTO stays on the ground and disarms itself after 10 s"""
+
+    @property
+    def start_mission(self) -> tuple[int, tuple[float, ...]]:
+        # Without this command, a vehicle armed in AUTO stays on the ground and disarms itself after 10 s.
+        return int(mavlink.MAV_CMD_MISSION_START), ()
 
     def mode_name(self, custom_mode: int) -> str:
         return self.mode_names.get(custom_mode, f"MODE {custom_mode}")
@@ -90,19 +87,12 @@ class ArduPilot:
         number = next(number for number, mode in self.mode_names.items() if mode == name)
         return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(number)
 
-    def differences(
-        self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
-    ) -> tuple[str, ...]:
-        # The vehicle sets item 0 to home, so only the command of item 0 is compared.
-        return differences(
-            sent, found, first, lambda seq, a, b: a.command == b.command if seq == 0 else self._same(a, b)
-        )
-
     def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
         return Command(peer, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, float(seq), confirmation=attempt)
 
-    def _same(self, sent: MissionItem, found: MissionItem) -> bool:
-        """Return whether the found item is the sent item, as ArduPilot stores it."""
+    def is_same(self, seq: int, sent: MissionItem, found: MissionItem) -> bool:
+        if seq == 0:  # the vehicle sets item 0 to home
+            return sent.command == found.command
         stored = self.as_stored(sent)
         # ArduPilot cuts altitudes to centimetres in float32: 20.3 m loses a whole centimetre (20.29 m).
         z_loss_m = abs(stored.z) - abs(found.z)
@@ -121,14 +111,13 @@ class ArduPilot:
 
 
 class ArduCopter(ArduPilot):
-    """`Dialect` of ArduCopter."""
+    """Dialect of ArduCopter."""
 
     firmware = "ArduCopter"
     # Hold mode is GUIDED: without radio control LOITER reads the throttle stick as "down" and lands hard.
     # BRAKE also holds, but a launch needs GUIDED.
     mode_names = modes("COPTER_MODE")
     setpoint_mode = "GUIDED"
-    land_command = None
     # A leg that does not follow a completed leg begins at rest, at the stopping point
     # (`AC_WPNav::set_wp_destination`).
     brakes_m_s2 = 2.5  # default of WPNAV_ACCEL

@@ -33,7 +33,7 @@ MIN_TURN_M, MAX_TURN_M = 1.0, 255.0
 
 
 class ArduPlane(ArduPilot):
-    """`Dialect` of ArduPlane."""
+    """Dialect of ArduPlane."""
 
     firmware = "ArduPlane"
     # GUIDED circles at the position and altitude where the mode was set, without a pilot's stick

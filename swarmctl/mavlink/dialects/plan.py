@@ -1,8 +1,8 @@
-"""Steps from a plan to a mission, and comparison of missions, common to the dialects."""
+"""Steps from a plan to a mission, common to the dialects."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -69,19 +69,3 @@ def append_items(
         replace(item, param1=item.param1 + shift) if item.command == JUMP else item for item in items[first:]
     )
     return (*flown, *moved)
-
-
-def differences(
-    sent: Sequence[MissionItem],
-    found: Sequence[MissionItem],
-    first: int,
-    same: Callable[[int, MissionItem, MissionItem], bool],
-) -> tuple[str, ...]:
-    """Return the differences, as `Dialect.differences`; `same` also gets the index in the vehicle's list."""
-    if len(sent) != len(found):
-        return (f"{len(found)} items instead of {len(sent)}",)
-    return tuple(
-        f"item {seq}: sent {a}, found {b}"
-        for seq, (a, b) in enumerate(zip(sent, found, strict=True), first)
-        if not same(seq, a, b)
-    )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -15,7 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.core.records import replace
-from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
+from swarmctl.mavlink.dialects.base import Dialect
+from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, item_at
 from swarmctl.mavlink.protocol.command import CommandResult, SetCurrent
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
@@ -53,7 +54,7 @@ _READ_BACK_FRAME = MappingProxyType(
 )
 
 
-class Px4:
+class Px4(Dialect):
     """Common part of the dialects of PX4."""
 
     name = "PX4"
@@ -61,7 +62,6 @@ class Px4:
     hold_mode = "AUTO.LOITER"
     mission_mode = "AUTO.MISSION"
     return_mode = "AUTO.RTL"
-    setpoint_mode: str | None = None
     # PX4 sends all these messages without a request, some at lower rates.
     streams_hz: Mapping[int, float] = MappingProxyType(
         {
@@ -74,13 +74,8 @@ class Px4:
     )
     first_seq = 0
     """PX4 begins at the current item, which landings and uploads do not reset"""
-    arms_at_any_item = True
-    brakes_m_s2 = None
-    start_delay_s = 0.0
-    may_lack_rally = False
     first_waypoint_seq = 1
     """after the take-off; there is no home placeholder"""
-    uncounted_items = 0
     upload_timeout_s = 6.0
     """PX4 ends a transfer silently after 5 s without an item"""
     uploads_atomically = True
@@ -102,11 +97,10 @@ class Px4:
         main, sub = _MODES[name]
         return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(main), float(sub)
 
-    def differences(
-        self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
-    ) -> tuple[str, ...]:
-        """Return the differences; PX4 stores items as sent, but frames read back as `_INT` frames."""
-        return differences(sent, found, first, lambda _seq, a, b: _same(a, b))
+    def is_same(self, seq: int, sent: MissionItem, found: MissionItem) -> bool:
+        """Return whether the items are equal; PX4 stores items as sent, but frames read back as `_INT`."""
+        z_fits = abs(sent.z - found.z) <= _FLOAT32_M
+        return z_fits and _params(sent) == _params(found) and _exact_fields(sent) == _exact_fields(found)
 
     def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
         """Return one try of MISSION_SET_CURRENT: PX4 lacks MAV_CMD_DO_SET_MISSION_CURRENT."""
@@ -114,14 +108,12 @@ class Px4:
 
 
 class Px4Copter(Px4):
-    """`Dialect` of PX4 multicopters."""
+    """Dialect of PX4 multicopters."""
 
     firmware = "PX4"
     land_mode = "AUTO.LAND"
     setpoint_mode = "OFFBOARD"
     start_delay_s = 0.2  # with the default of MPC_JERK_AUTO, measured in software
-    land_command = None
-    lands_at_nearest = True
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
@@ -146,11 +138,6 @@ class Px4Copter(Px4):
 
 _FLOAT32_M = 1e-3
 """tolerance of altitudes, which travel as float32"""
-
-
-def _same(sent: MissionItem, found: MissionItem) -> bool:
-    z_fits = abs(sent.z - found.z) <= _FLOAT32_M
-    return z_fits and _params(sent) == _params(found) and _exact_fields(sent) == _exact_fields(found)
 
 
 def _params(item: MissionItem) -> tuple[bytes | None, ...]:

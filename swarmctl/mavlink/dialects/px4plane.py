@@ -38,7 +38,7 @@ reaches a waypoint, at a distance that grows with speed (`NPFG::switchDistance`,
 
 
 class Px4Plane(Px4):
-    """`Dialect` of PX4 fixed wings."""
+    """Dialect of PX4 fixed wings."""
 
     firmware = "PX4 plane"
     # AUTO.LAND circles down wherever the vehicle is; AUTO.MISSION flies the landing of a mission.
