@@ -83,8 +83,6 @@ class DirectLink:
         # The owner of the front end may fail before it closes this link.
         front_end.at_close(self.close)
 
-    # State
-
     def state(self) -> VehicleState:
         """Return the last known state."""
         return self._session.state
@@ -127,12 +125,13 @@ class DirectLink:
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
         """Request streams, set hold mode and wait until the vehicle is ready to arm.
 
-        `on_waiting` gets the reasons for waiting with each new state. Raises NotReady with the last reasons,
-        PrepareFailed.
+        `on_waiting` gets the reasons for waiting, now and with each new state. Raises NotReady with the last
+        reasons, PrepareFailed.
         """
         self._require_connection()
-        self._apply(self._session.keep_streams(self._now()))
+        on_waiting(self._session.state.not_ready)
         self._on_waiting = on_waiting
+        self._apply(self._session.keep_streams(self._now()))
         try:
             async with asyncio.timeout(timeout_s):
                 done: Done = await self._perform("prepare for arming", basic.prepare)
