@@ -10,7 +10,7 @@ from swarmctl.mavlink.protocol.command import Command
 from swarmctl.mavlink.protocol.conversation import ConversationState, IllegalEvent
 from swarmctl.mavlink.protocol.mission_download import Download
 from swarmctl.mavlink.protocol.mission_upload import Upload
-from swarmctl.mavlink.protocol.wait import CollectMessages, RequestUntil, WaitUntil, wait
+from swarmctl.mavlink.protocol.wait import RequestUntil, WaitUntil, collect_messages, wait
 
 
 def test_a_wait_ends_at_its_condition_or_its_time_out():
@@ -52,7 +52,7 @@ def test_a_request_waits_for_a_newer_heartbeat():
 
 
 def test_missing_messages_are_requested_again_every_second():
-    pending = CollectMessages(PEER, (148, 2), tries=3)
+    pending = collect_messages(PEER, (148, 2), tries=3)
     assert [m.param1 for m in pending.start(0.0)] == [148.0, 2.0]
     assert pending.tick(0.5) == []
     assert [m.param1 for m in pending.tick(1.0)] == [148.0, 2.0]
@@ -69,7 +69,7 @@ def test_missing_messages_are_requested_again_every_second():
         Upload(PEER, ITEMS),
         Download(PEER),
         wait(1.0),
-        CollectMessages(PEER, (148,)),
+        collect_messages(PEER, (148,)),
         RequestUntil(PEER, bool, 1.0),
     ],
 )

@@ -33,7 +33,7 @@ from swarmctl.mavlink.protocol.command import Command
 from swarmctl.mavlink.protocol.outcome import Done, Swapped, Uploaded
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.setpoint import setpoint_message
-from swarmctl.mavlink.protocol.wait import CollectMessages, RequestUntil, SendUntil, WaitUntil
+from swarmctl.mavlink.protocol.wait import RequestUntil, SendUntil, WaitUntil, collect_messages
 from swarmctl.mavlink.telemetry.vehicle_state import STILL_CLIMB_M_S, STILL_M_S
 
 __all__ = [
@@ -68,7 +68,7 @@ SAME_THROTTLE = -1.0
 def identify(ctx: Context) -> Procedure[Message]:
     """Request AUTOPILOT_VERSION until it arrives; return it."""
     number = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
-    received: dict[int, tuple[Message, float]] = yield CollectMessages(ctx.peer, (number,))
+    received: dict[int, tuple[Message, float]] = yield collect_messages(ctx.peer, (number,))
     return received[number][0]
 
 

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message, payload
-from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
 from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
+from swarmctl.mavlink.protocol.wait import Requests
 
 BYTE_WISE = frozenset({int(mavlink.MAV_AUTOPILOT_PX4)})
 """MAV_AUTOPILOTs that copy the bytes of integers into the float field"""
@@ -73,104 +73,54 @@ def same_value(a: float, b: float) -> bool:
     return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-6)
 
 
-class _ParameterExchange(Conversation[dict[str, Parameter]]):
-    """Base of reading and writing: several requests at a time, each sent up to TRIES times.
+TRIES = 10
+"""number of tries of each request"""
+MAX_PENDING = 10
+"""greatest number of requests under way; ArduPilot queues about twenty, and drops further requests"""
 
-    ArduPilot queues about twenty requests and drops further requests.
-    """
 
-    REPEAT_PERIOD_S = 1.0
-    TRIES = 10
-    MAX_PENDING = 10
+def _exchange(
+    requests: Mapping[str, Message],
+    confirms: Callable[[str, Parameter], bool] = lambda _name, _parameter: True,
+    *,
+    byte_wise: bool,
+) -> Requests[str, Parameter]:
+    """Return an exchange whose result has the reported values; `requests` and `confirms` are by name."""
 
-    def __init__(self, peer: MavlinkPeer, names: Iterable[str], *, byte_wise: bool) -> None:
-        super().__init__()
-        self._peer = peer
-        self._byte_wise = byte_wise
-        self._waiting = list(dict.fromkeys(names))
-        self._tries: dict[str, int] = {}
-        """tries of each pending name"""
-        self._values: dict[str, Parameter] = {}
-
-    def _request(self, name: str) -> Message:
-        raise NotImplementedError
-
-    def _is_answer(self, name: str, parameter: Parameter) -> bool:
-        raise NotImplementedError
-
-    def _begin(self, now: float) -> list[Message]:
-        self._enter(ConversationState.EXCHANGING)
-        return self._request_next(now)
-
-    def _request_next(self, now: float) -> list[Message]:
-        room = self.MAX_PENDING - len(self._tries)
-        started, self._waiting = self._waiting[:room], self._waiting[room:]
-        self._tries.update(dict.fromkeys(started, 1))
-        if not self._tries:
-            self._finish(self._values)
-            return []
-        self.next_deadline = now + self.REPEAT_PERIOD_S
-        return [self._request(name) for name in started]
-
-    def _on_message(self, message: Message, now: float) -> list[Message]:
+    def answer_to(message: Message, _now: float) -> tuple[str, Parameter] | None:
         if message.get_type() != "PARAM_VALUE":
-            return []
-        name = str(message.param_id).rstrip("\0")
-        if name not in self._tries:
-            return []
-        self._values[name] = decoded(message, byte_wise=self._byte_wise)
-        if not self._is_answer(name, self._values[name]):
-            return []
-        del self._tries[name]
-        return self._request_next(now)
+            return None
+        return str(message.param_id).rstrip("\0"), decoded(message, byte_wise=byte_wise)
 
-    def _on_deadline(self, now: float) -> list[Message]:
-        again = [name for name, tries in self._tries.items() if tries < self.TRIES]
-        self._tries = {name: self._tries[name] + 1 for name in again}
-        requests = [self._request(name) for name in again]
-        return requests + self._request_next(now)
-
-
-class ReadParameters(_ParameterExchange):
-    """Reading of some parameters; the result lacks names without an answer."""
-
-    def _request(self, name: str) -> Message:
-        return mavlink.MAVLink_param_request_read_message(
-            self._peer.sysid, self._peer.compid, name.encode(), -1
-        )
-
-    def _is_answer(self, name: str, parameter: Parameter) -> bool:
-        return True
-
-
-class WriteParameters(_ParameterExchange):
-    """Writing of some parameters; the result has the last reported values, without unanswered names.
-
-    PX4 drops a value of a wrong type without an answer, so the type has to be read first. Raises ValueError
-    as `encoded` does.
-    """
-
-    def __init__(self, peer: MavlinkPeer, new: Mapping[str, Parameter], *, byte_wise: bool) -> None:
-        super().__init__(peer, new, byte_wise=byte_wise)
-        self._new = dict(new)
-        self._fields = {name: encoded(p, byte_wise=byte_wise) for name, p in new.items()}
-
-    def _request(self, name: str) -> Message:
-        kind = self._new[name].kind
-        return mavlink.MAVLink_param_set_message(
-            self._peer.sysid, self._peer.compid, name.encode(), self._fields[name], kind
-        )
-
-    def _is_answer(self, name: str, parameter: Parameter) -> bool:
-        # Another value may be the late answer to an earlier request.
-        return same_value(parameter.value, self._new[name].value)
+    return Requests(requests, answer_to, confirms, tries=TRIES, max_pending=MAX_PENDING)
 
 
 def read_parameters(ctx: Context, names: Iterable[str]) -> Procedure[dict[str, Parameter]]:
     """Read parameters; return the parameters that the vehicle reports, by name."""
-    byte_wise = ctx.autopilot in BYTE_WISE
-    current: dict[str, Parameter] = yield ReadParameters(ctx.peer, names, byte_wise=byte_wise)
+    to = (ctx.peer.sysid, ctx.peer.compid)
+    requests = {name: mavlink.MAVLink_param_request_read_message(*to, name.encode(), -1) for name in names}
+    current: dict[str, Parameter] = yield _exchange(requests, byte_wise=ctx.autopilot in BYTE_WISE)
     return current
+
+
+def _write_parameters(ctx: Context, new: Mapping[str, Parameter]) -> Procedure[dict[str, Parameter]]:
+    """Write parameters; return the last reported values, without unanswered names.
+
+    PX4 drops a value of a wrong type without an answer, so the type has to be read first. Raises ValueError
+    as `encoded` does.
+    """
+    to, byte_wise = (ctx.peer.sysid, ctx.peer.compid), ctx.autopilot in BYTE_WISE
+    requests = {
+        name: mavlink.MAVLink_param_set_message(
+            *to, name.encode(), encoded(parameter, byte_wise=byte_wise), parameter.kind
+        )
+        for name, parameter in new.items()
+    }
+    # Another value may be the late answer to an earlier request.
+    written: dict[str, Parameter] = yield _exchange(
+        requests, lambda name, found: same_value(found.value, new[name].value), byte_wise=byte_wise
+    )
+    return written
 
 
 def _refusal_if_armed(ctx: Context) -> Done | None:
@@ -195,10 +145,9 @@ def set_parameters(ctx: Context, wanted: Mapping[str, float]) -> Procedure[Done]
         if not same_value(value, current[name].value)
     }
     try:
-        writing = WriteParameters(ctx.peer, to_write, byte_wise=ctx.autopilot in BYTE_WISE)
+        written = yield from _write_parameters(ctx, to_write)
     except ValueError as error:
         return Done(f"nothing was set: {error}")
-    written: dict[str, Parameter] = yield writing
     refused = [
         f"{name} is {written[name].value:g} instead of {parameter.value:g}"
         if name in written

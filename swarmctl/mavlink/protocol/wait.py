@@ -1,15 +1,19 @@
-"""Conversations that wait: for a condition, with or without requests, or for messages."""
+"""Conversations that wait: for a condition, with or without requests, or for the answers to requests."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import Generic, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import command_long
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
+
+K = TypeVar("K")
+A = TypeVar("A")
 
 
 class WaitUntil(Conversation[bool]):
@@ -102,38 +106,77 @@ class RequestUntil(SendUntil):
         return self._received and super()._is_fulfilled()
 
 
-class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
-    """Request of some messages (MAV_CMD_REQUEST_MESSAGE), at most `tries` times each.
+class Requests(Conversation[dict[K, A]], Generic[K, A]):
+    """Several requests by key, each repeated every second until its answer, at most `tries` times.
 
-    The result is message id -> (message, arrival time [s]); a message that did not arrive has no entry.
+    The result has the last answer of each key; a key without an answer has no entry.
+
+    answer_to: returns key and content of an answer that arrives at a time [s]; None for other messages
+    confirms: returns whether an answer ends its request
+    max_pending: greatest number of requests under way
     """
 
     REPEAT_PERIOD_S = 1.0
 
-    def __init__(self, peer: MavlinkPeer, ids: Iterable[int], tries: float = math.inf) -> None:
+    def __init__(
+        self,
+        requests: Mapping[K, Message],
+        answer_to: Callable[[Message, float], tuple[K, A] | None],
+        confirms: Callable[[K, A], bool] = lambda _key, _answer: True,
+        *,
+        tries: float = math.inf,
+        max_pending: float = math.inf,
+    ) -> None:
         super().__init__()
-        self._requests = {msgid: request_message(peer, msgid) for msgid in ids}
-        """requests of the messages that have not arrived, by message id"""
-        self._received: dict[int, tuple[Message, float]] = {}
-        self._tries_left = tries
+        self._requests = requests
+        self._answer_to = answer_to
+        self._confirms = confirms
+        self._tries = tries
+        self._max_pending = max_pending
+        self._unsent = list(requests)
+        self._pending: dict[K, tuple[int, float]] = {}
+        """number of tries of each unanswered request, and time of the last try [s]"""
+        self._answers: dict[K, A] = {}
 
     def _begin(self, now: float) -> list[Message]:
-        return self._on_deadline(now)
+        return self._send(now)
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
-        if self._requests.pop(message.get_msgId(), None) is not None:
-            self._received[message.get_msgId()] = message, now
-        if not self._requests:
-            self._finish(self._received)
-        return []
+        found = self._answer_to(message, now)
+        if found is None or found[0] not in self._pending:
+            return []
+        key, answer = found
+        self._answers[key] = answer
+        if not self._confirms(key, answer):
+            return []
+        del self._pending[key]
+        return self._send(now)
 
     def _on_deadline(self, now: float) -> list[Message]:
-        if self._tries_left == 0:
-            self._finish(self._received)
+        return self._send(now)
+
+    def _send(self, now: float) -> list[Message]:
+        """Return the requests to repeat, and new ones while there is room; end without a pending request."""
+        due = [key for key, (_, sent_s) in self._pending.items() if now >= sent_s + self.REPEAT_PERIOD_S]
+        for key in due:
+            tries, _ = self._pending.pop(key)
+            if tries < self._tries:
+                self._pending[key] = tries + 1, now
+        while self._unsent and len(self._pending) < self._max_pending:
+            self._pending[self._unsent.pop(0)] = 1, now
+        if not self._pending:
+            self._finish(self._answers)
             return []
-        self._tries_left -= 1
-        self.next_deadline = now + self.REPEAT_PERIOD_S
-        return list(self._requests.values())
+        self.next_deadline = min(sent_s for _, sent_s in self._pending.values()) + self.REPEAT_PERIOD_S
+        return [self._requests[key] for key, (_, sent_s) in self._pending.items() if sent_s == now]
+
+
+def collect_messages(
+    peer: MavlinkPeer, ids: Iterable[int], tries: float = math.inf
+) -> Requests[int, tuple[Message, float]]:
+    """Return requests of single messages; the result is message id -> (message, time of arrival [s])."""
+    requests = {msgid: request_message(peer, msgid) for msgid in ids}
+    return Requests(requests, lambda message, now: (message.get_msgId(), (message, now)), tries=tries)
 
 
 def request_message(peer: MavlinkPeer, message_id: int) -> Message:

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
-from swarmctl.mavlink.protocol.wait import CollectMessages, WaitUntil
+from swarmctl.mavlink.protocol.wait import WaitUntil, collect_messages
 
 REQUESTED_IDS = (
     int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT),
@@ -51,7 +51,7 @@ class Instruments(msgspec.Struct, frozen=True):
 
 def read_instruments(ctx: Context) -> Procedure[Instruments]:
     """Request the instruments; return the readings that arrive in time."""
-    received: dict[int, tuple[Message, float]] = yield CollectMessages(ctx.peer, REQUESTED_IDS, TRIES)
+    received: dict[int, tuple[Message, float]] = yield collect_messages(ctx.peer, REQUESTED_IDS, TRIES)
     gps = received.get(int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT))
     clock = received.get(int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME))
     fix = None if gps is None else _fix(gps[0])
