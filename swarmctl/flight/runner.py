@@ -40,16 +40,7 @@ from swarmctl.links.base import (
     UploadFailed,
 )
 from swarmctl.links.direct import DirectLink
-from swarmctl.mavlink.events import (
-    FirstHeartbeat,
-    Identity,
-    ProcedureDone,
-    StateChanged,
-    StatusText,
-    VehicleLost,
-    VehicleRebooted,
-    VehicleRestored,
-)
+from swarmctl.mavlink.events import FirstHeartbeat, Identity, ProcedureDone, StatusText
 from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.report.ui import Observer
 from swarmctl.sensors import Sensor
@@ -169,19 +160,17 @@ class Runner:
     def on_link_event(self, event: LinkEvent) -> None:
         """Queue a link's report as events, or note the report; quick, because the receive path calls this."""
         match event:
-            case StateChanged(state):
+            case ev.TelemetryReceived(state):
                 if state.lat_deg is not None and state.lon_deg is not None:
                     self._network.moved(self.state.task.uav, state.lat_deg, state.lon_deg)
                 self.post(self._with_messages(state))
                 if cells := self._sensor.observe(state):
                     self.post(ev.Observed(cells))
-            case VehicleLost(age_s):
-                self.post(ev.LinkLost(age_s))
-            case VehicleRestored():
-                self.post(ev.LinkRestored())
-            case VehicleRebooted():
+            case ev.LinkLost() | ev.LinkRestored():
+                self.post(event)
+            case ev.Rebooted():
                 self.cleared.clear()
-                self.post(ev.Rebooted())
+                self.post(event)
                 ground, air = "the program makes it ready again", "look for it if it was in the air"
                 advice = ground if self.state.phase in ON_GROUND else air
                 self.note(f"the vehicle has rebooted; {advice} [rebooted]", to_operator=True)

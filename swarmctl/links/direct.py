@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from swarmctl.core.events import TelemetryReceived
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
@@ -35,7 +36,7 @@ from swarmctl.links.line import Channel
 from swarmctl.links.signing import REMEDIES
 from swarmctl.links.transports import TRANSPORTS
 from swarmctl.links.url import Endpoint
-from swarmctl.mavlink.events import FirstHeartbeat, Identity, ProcedureDone, StateChanged
+from swarmctl.mavlink.events import FirstHeartbeat, Identity, ProcedureDone
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.procedures.basic import Done, Swapped, Uploaded
 from swarmctl.mavlink.procedures.recognise import Recognised, recognise
@@ -338,7 +339,7 @@ class DirectLink:
                 waiter, self._waiter = self._waiter, None
                 if not waiter.done():
                     waiter.set_result(event.result)
-            elif isinstance(event, StateChanged) and self._on_waiting is not None and event.state.not_ready:
+            elif self._on_waiting and isinstance(event, TelemetryReceived) and event.state.not_ready:
                 self._on_waiting(event.state.not_ready)
             self._on_event(event)
 

@@ -1,4 +1,9 @@
-"""The events of a vehicle's session (`SessionEvent` has all of them), and the vehicle's identity."""
+"""The events of a vehicle's session, and the vehicle's identity.
+
+A session reports what an agent acts on as the agent's own events. A new state comes at once with a position,
+with a change of mode, arming or `other_mission`, and with the first heartbeat after a loss; with other
+telemetry about 1 s after the last state.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from swarmctl.core.vehicle import VehicleState
+from swarmctl.core.events import LinkLost, LinkRestored, Rebooted, TelemetryReceived
 from swarmctl.mavlink.protocol.outcome import Done
 
 SIMULATOR_MARK = b"sim_vehicle\0"
@@ -39,36 +44,6 @@ class FirstHeartbeat(msgspec.Struct, frozen=True):
     vehicle_type: int
 
 
-class StateChanged(msgspec.Struct, frozen=True):
-    """A new state of the vehicle.
-
-    | occasion | delay |
-    |---|---|
-    | GLOBAL_POSITION_INT | none |
-    | a change of mode, arming or `other_mission` | none |
-    | the first heartbeat after a loss | none |
-    | other telemetry | about 1 s after the last state |
-    """
-
-    state: VehicleState
-
-
-class VehicleLost(msgspec.Struct, frozen=True):
-    """No heartbeat for longer than the limit; reported again each second until the next heartbeat."""
-
-    age_s: float
-
-
-class VehicleRestored(msgspec.Struct, frozen=True):
-    """The first heartbeat after a loss."""
-
-    silent_s: float
-
-
-class VehicleRebooted(msgspec.Struct, frozen=True):
-    """A reboot, recognised by the vehicle's clock. Settings made over the link may be lost."""
-
-
 class StatusText(msgspec.Struct, frozen=True):
     """A STATUSTEXT."""
 
@@ -91,11 +66,5 @@ class ProcedureDone(msgspec.Struct, frozen=True):
 
 
 SessionEvent = (
-    FirstHeartbeat
-    | StateChanged
-    | VehicleLost
-    | VehicleRestored
-    | VehicleRebooted
-    | StatusText
-    | ProcedureDone
+    FirstHeartbeat | TelemetryReceived | LinkLost | LinkRestored | Rebooted | StatusText | ProcedureDone
 )

@@ -8,21 +8,12 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.events import LinkLost, LinkRestored, Rebooted, TelemetryReceived
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import Dialect, Unsupported, dialect_for
-from swarmctl.mavlink.events import (
-    FirstHeartbeat,
-    Identity,
-    ProcedureDone,
-    SessionEvent,
-    StateChanged,
-    StatusText,
-    VehicleLost,
-    VehicleRebooted,
-    VehicleRestored,
-)
+from swarmctl.mavlink.events import FirstHeartbeat, Identity, ProcedureDone, SessionEvent, StatusText
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import IllegalEvent, MavlinkPeer
 from swarmctl.mavlink.protocol.outcome import Done
@@ -173,7 +164,7 @@ class Session:
         is_new_state = self._update_telemetry(self._vehicle, message, now, step)
         if is_new_state or is_restored:
             # After a loss the agent uses this state, so it includes the heartbeat.
-            step.events.append(StateChanged(self.state))
+            step.events.append(TelemetryReceived(self.state))
         if self._driver is not None:
             step.messages.extend(self._driver.receive(message, now))
             self._report_end(step, now)
@@ -182,7 +173,7 @@ class Session:
     def tick(self, now: float) -> SessionStep:
         step = SessionStep([], [])
         if self._presence.tick(now):
-            step.events.append(VehicleLost(self._presence.age_s(now)))
+            step.events.append(LinkLost(self._presence.age_s(now)))
         if self._vehicle is None:
             return step
         step.messages.extend(self._vehicle.streams.tick(now))
@@ -221,7 +212,6 @@ class Session:
 
     def _on_heartbeat(self, message: Message, now: float, step: SessionStep) -> bool:
         """Record a heartbeat; return whether the vehicle was lost before it."""
-        silent_s = self._presence.age_s(now)
         before = self._presence.on_heartbeat(now)
         heartbeat = FirstHeartbeat(int(message.autopilot), int(message.type))
         if before is LinkState.NEVER_HEARD:
@@ -229,7 +219,7 @@ class Session:
             self._identify(heartbeat)
         was_lost = before is LinkState.LOST
         if was_lost:
-            step.events.append(VehicleRestored(silent_s))
+            step.events.append(LinkRestored())
         if self._vehicle is not None:
             self._vehicle.heartbeat = heartbeat
             if was_lost:
@@ -259,7 +249,7 @@ class Session:
         if telemetry.n_texts != n_texts:
             step.events.extend(StatusText(*text) for text in telemetry.texts_since(n_texts))
         if telemetry.n_reboots != n_reboots:
-            step.events.append(VehicleRebooted())
+            step.events.append(Rebooted())
             context.verified_items, self._other_mission = (), False
             vehicle.mission.own_procedure_ended((), now)
             vehicle.streams.renew(now)

@@ -9,13 +9,14 @@ from director_ground import MARK, WAITING_FOR, Clearance, Ground, StubLink, all_
 from flights import small
 
 from swarmctl.core import events as ev
+from swarmctl.core.events import Rebooted
 from swarmctl.flight.director import NOT_READY_S
 from swarmctl.flight.member import Member
 from swarmctl.flight.permission import PreflightFailed
 from swarmctl.flight.runner import LaunchNotPermitted
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import LaunchFailed, NoAnswer, NotReady, SystemIdConflict, UploadFailed
-from swarmctl.mavlink.events import Identity, VehicleRebooted
+from swarmctl.mavlink.events import Identity
 
 pytestmark = pytest.mark.virtual
 
@@ -137,7 +138,7 @@ def test_a_vehicle_that_reboots_during_its_delay_is_made_ready_again() -> None:
     def boot_once(members: Sequence[Member]) -> bool:
         if not booted and members[0].state.phase == "flying":
             booted.append(True)
-            members[1].runner.on_link_event(VehicleRebooted())
+            members[1].runner.on_link_event(Rebooted())
         return all_launched(members)
 
     ground.fly(boot_once)
@@ -225,7 +226,7 @@ def test_a_vehicle_that_reboots_before_its_launch_is_checked_again() -> None:
     def boot_once(members: Sequence[Member]) -> bool:
         if not booted and members[0].state.phase == "flying":
             booted.append(True)
-            members[1].runner.on_link_event(VehicleRebooted())
+            members[1].runner.on_link_event(Rebooted())
             ground.clearance.verdicts = [["uav2: gps: ..."]]
         return bool(booted) and members[1].state.ended
 

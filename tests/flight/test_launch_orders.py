@@ -10,11 +10,11 @@ from director_ground import Clearance, Ground
 from flights import small
 
 from swarmctl.core import events as ev
+from swarmctl.core.events import Rebooted, TelemetryReceived
 from swarmctl.core.frames import IntentPoint, IntentShared
 from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.member import Member
-from swarmctl.mavlink.events import StateChanged, VehicleRebooted
 
 pytestmark = pytest.mark.virtual
 
@@ -45,7 +45,7 @@ def test_a_vehicle_launches_by_its_order_alone_and_is_made_ready_again_after_a_r
         if phases == {"standby"} and len(moments) < 50:
             moments.append("ready")
             if len(moments) == 20:
-                members[1].runner.on_link_event(VehicleRebooted())
+                members[1].runner.on_link_event(Rebooted())
             if len(moments) == 50:
                 members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
         return members[0].state.phase == "flying"
@@ -115,7 +115,7 @@ def test_a_launch_waits_for_a_vehicle_that_enters_its_route_during_the_checks() 
     def story(members: Sequence[Member]) -> bool:
         runner, now = members[0].runner, asyncio.get_running_loop().time()
         here = VehicleState(now, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=0.0, alt_amsl_m=300.0)
-        runner.on_link_event(StateChanged(replace(here, home_lat_deg=lat_deg, home_lon_deg=lon_deg)))
+        runner.on_link_event(TelemetryReceived(replace(here, home_lat_deg=lat_deg, home_lon_deg=lon_deg)))
         if runner.state.phase == "standby" and not standby_s:
             standby_s.append(now)
         if standby_s and not ordered_s and now - standby_s[0] >= 45.0:
@@ -166,7 +166,7 @@ def test_a_vehicle_that_reboots_after_a_forbidden_launch_is_made_ready_again() -
             if len(moments) == 400:
                 members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
             if len(moments) == 450:
-                members[0].runner.on_link_event(VehicleRebooted())
+                members[0].runner.on_link_event(Rebooted())
         return len(moments) == 600
 
     ground.fly(story)
@@ -198,7 +198,7 @@ def test_a_vehicle_that_reboots_during_repeated_checks_is_not_launched() -> None
             begun_s.append(now)
             runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
         elif 5.0 < now - begun_s[0] < 6.0:
-            runner.on_link_event(VehicleRebooted())
+            runner.on_link_event(Rebooted())
         return members[0].state.ended
 
     ground.fly(story)

@@ -9,8 +9,8 @@ from link_world import WIRE, FleetWorld, connected, play, until
 from wire_bench import north_of_home
 
 from sim_vehicle.faults.spec import parse_fault
+from swarmctl.core.events import Rebooted
 from swarmctl.links.base import AddressChanged, SystemIdConflict
-from swarmctl.mavlink.events import VehicleRebooted
 
 
 @pytest.mark.autopilots("1.1", "1.2", "1.18")
@@ -22,7 +22,7 @@ def test_a_rebooted_vehicle_is_followed_to_its_new_port():
             old = world.port(0)
             world.from_vehicles.clear()
             world.fleet.inject(parse_fault("reboot:silence_s=1.5"), asyncio.get_running_loop().time())
-            await until(lambda: VehicleRebooted() in world.events)
+            await until(lambda: Rebooted() in world.events)
             new = world.port(0)
             assert new != old
             assert AddressChanged(f"{new[0]}:{new[1]}") in world.events

@@ -12,6 +12,7 @@ from link_world import World, asked_of, connected, flying, play, until, uploaded
 from scripted_copter import Copter, Script
 from wire_bench import north_of_home
 
+from swarmctl.core.events import LinkLost, LinkRestored
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.links import LINKS
 from swarmctl.links.base import (
@@ -26,7 +27,7 @@ from swarmctl.links.base import (
     UnsupportedVehicle,
     UploadFailed,
 )
-from swarmctl.mavlink.events import FirstHeartbeat, ProcedureDone, VehicleLost, VehicleRestored
+from swarmctl.mavlink.events import FirstHeartbeat, ProcedureDone
 from swarmctl.mavlink.procedures.rally import RallyPoints, count_rally_points
 from swarmctl.mavlink.protocol.outcome import Done
 
@@ -269,10 +270,10 @@ def test_a_lost_vehicle_is_reported_with_its_age_and_restored_at_another_address
         async with World(Copter(1), kind=kind) as world:
             link = await connected(world)
             world.silent = True
-            await until(lambda: any(isinstance(e, VehicleLost) for e in world.events))
+            await until(lambda: any(isinstance(e, LinkLost) for e in world.events))
             assert link.age_s() == pytest.approx(5.0, abs=0.2)
             world.address[1], world.silent = "elsewhere", False
-            await until(lambda: any(isinstance(e, VehicleRestored) for e in world.events))
+            await until(lambda: any(isinstance(e, LinkRestored) for e in world.events))
             assert AddressChanged("elsewhere") in world.events
             await link.hold()
 

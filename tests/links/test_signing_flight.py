@@ -11,10 +11,10 @@ from link_world import connected, flying, play, until, uploaded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from signed_world import KEY, SignedWorld, station
 
+from swarmctl.core.events import LinkLost
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.links.base import FramesRefused, NoAnswer
 from swarmctl.links.signing import LATE, OTHER_KEY, REPEATED, UNSIGNED
-from swarmctl.mavlink.events import VehicleLost
 from swarmctl.security.mavlink_key import TimestampFile
 
 
@@ -75,7 +75,7 @@ def test_a_forged_heartbeat_and_a_replayed_frame_change_nothing(tmp_path: Path) 
                 world.wire.from_vehicle(replayed, world.port(0))
                 await asyncio.sleep(0.5)
             assert not link.state().armed
-            assert any(isinstance(event, VehicleLost) for event in world.events)
+            assert any(isinstance(event, LinkLost) for event in world.events)
             assert world.signing is not None
             assert world.signing.refused == {UNSIGNED: 20, REPEATED: 20}
 

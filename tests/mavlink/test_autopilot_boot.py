@@ -7,8 +7,8 @@ from flying_bench import ALT_M, BOTH, Faults, FlyingBench, on_the_ground, plan
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.events import Rebooted
 from swarmctl.core.vehicle import Landed
-from swarmctl.mavlink.events import VehicleRebooted
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.codec import FrameSplitter
 
@@ -31,7 +31,7 @@ def test_the_identity_is_requested_at_the_start_and_after_a_reboot():
     assert bench.run(5, lambda: bench.session.state.has_position)
     bench.run(20)
     bench.inject("reboot:silence_s=1.5")
-    assert bench.run(15, lambda: VehicleRebooted() in bench.events), (
+    assert bench.run(15, lambda: Rebooted() in bench.events), (
         "the requested messages hold the clock, which shows the reboot"
     )
     asked = len(bench.of("COMMAND_LONG"))
@@ -52,8 +52,8 @@ def test_boot_text_is_neither_a_message_nor_a_vehicle():
     assert len(text) == 9
     assert b"".join(text).startswith(b"\n\nInit ArduCopter")
     assert {type(e).__name__ for e in bench.events[events:]} <= {
-        "VehicleRebooted",
-        "StateChanged",
+        "Rebooted",
+        "TelemetryReceived",
         "StatusText",
     }
     stream = FrameSplitter().feed(b"".join(data))  # as over a serial line

@@ -13,11 +13,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.station.exchanges import UploadPlan
 from sim_vehicle.station.frames import Receiver
 from sim_vehicle.station.messages import PlanItem
+from swarmctl.core.events import TelemetryReceived
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import dialect_for
-from swarmctl.mavlink.events import StateChanged
 from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.protocol.mission_transfer import item_message
@@ -47,7 +47,7 @@ def another_uploads(bench: FlyingBench, north: int) -> None:
 
 
 def states(bench: FlyingBench) -> list[VehicleState]:
-    return [event.state for event in bench.events if isinstance(event, StateChanged)]
+    return [event.state for event in bench.events if isinstance(event, TelemetryReceived)]
 
 
 @BOTH

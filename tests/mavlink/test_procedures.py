@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Script
 from wire_bench import wires
 
-from swarmctl.mavlink.events import VehicleRebooted
+from swarmctl.core.events import Rebooted
 from swarmctl.mavlink.procedures import basic
 
 OLD, NEW = north_of_home(8), north_of_home(6, east=0.002, alt=33.333)
@@ -159,7 +159,7 @@ def test_a_reboot_restarts_the_streams_and_makes_the_mission_unknown():
     bench = Bench().uploaded(OLD)
     bench.run(10)
     bench.copter.boot(bench.now)
-    assert bench.run(15, lambda: 33 in bench.copter.streams and VehicleRebooted() in bench.events)
+    assert bench.run(15, lambda: 33 in bench.copter.streams and Rebooted() in bench.events)
     assert bench.session.items == ()
     assert bench.run(15, lambda: set(bench.copter.streams) == {33, 1, 193, 245, 42, 242})
 

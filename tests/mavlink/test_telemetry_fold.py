@@ -7,18 +7,11 @@ import re
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.events import LinkLost, LinkRestored, Rebooted, TelemetryReceived
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.dialects import Unsupported, dialect_for
-from swarmctl.mavlink.events import (
-    FirstHeartbeat,
-    Identity,
-    StateChanged,
-    StatusText,
-    VehicleLost,
-    VehicleRebooted,
-    VehicleRestored,
-)
+from swarmctl.mavlink.events import FirstHeartbeat, Identity, StatusText
 from swarmctl.mavlink.protocol.conversation import IllegalEvent, MavlinkPeer
 from swarmctl.mavlink.protocol.wait import RequestUntil, wait
 from swarmctl.mavlink.session import Session
@@ -382,13 +375,13 @@ def events_of(session: Session, now: float, *messages) -> list:
 def test_a_session_reports_a_closed_list_of_events():
     session = Session(MavlinkPeer(1))
     first = events_of(session, 0.0, heartbeat(0))
-    assert first == [FirstHeartbeat(3, 2), StateChanged(session.state)]
+    assert first == [FirstHeartbeat(3, 2), TelemetryReceived(session.state)]
     assert events_of(session, 0.5, text("Init", 6)) == [StatusText(6, "Init")]
-    assert events_of(session, 1.0, position()) == [StateChanged(session.state)]
+    assert events_of(session, 1.0, position()) == [TelemetryReceived(session.state)]
     assert session.next_deadline == 5.0
     found = [session.tick(0.5 * n).events for n in range(10, 15)]
-    assert found == [[VehicleLost(5.0)], [], [VehicleLost(6.0)], [], [VehicleLost(7.0)]]
-    assert events_of(session, 9.0, heartbeat(0)) == [VehicleRestored(9.0), StateChanged(session.state)]
+    assert found == [[LinkLost(5.0)], [], [LinkLost(6.0)], [], [LinkLost(7.0)]]
+    assert events_of(session, 9.0, heartbeat(0)) == [LinkRestored(), TelemetryReceived(session.state)]
 
 
 def test_the_first_state_after_a_silence_has_the_mode_of_the_newest_heartbeat():
@@ -396,7 +389,7 @@ def test_the_first_state_after_a_silence_has_the_mode_of_the_newest_heartbeat():
     events_of(session, 0.0, heartbeat(3, armed=True))
     session.tick(5.0)
     restored, changed = events_of(session, 9.0, heartbeat(5, armed=True))
-    assert restored == VehicleRestored(9.0)
+    assert restored == LinkRestored()
     assert (changed.state.mode, changed.state.mode_role) == ("LOITER", "other")
 
 
@@ -455,7 +448,7 @@ def test_a_vehicle_without_positions_still_gives_a_state_every_second():
     states = []
     for second in range(1, 61):
         events = events_of(session, float(second), heartbeat(3, armed=True), sys_status(percent=3))
-        states += [event.state for event in events if isinstance(event, StateChanged)]
+        states += [event.state for event in events if isinstance(event, TelemetryReceived)]
     assert 55 <= len(states) <= 65
     assert states[-1].battery_percent == 3
 
@@ -486,7 +479,7 @@ def test_the_clock_of_a_vehicle_advances_without_a_position():
 def test_a_clock_without_positions_shows_a_reboot_too():
     session = Session(MavlinkPeer(1))
     events_of(session, 0.0, heartbeat(), position(60_000))
-    assert VehicleRebooted() in events_of(session, 4.0, heartbeat(), system_time(3000))
+    assert Rebooted() in events_of(session, 4.0, heartbeat(), system_time(3000))
 
 
 def test_a_state_has_the_times_of_its_parts():

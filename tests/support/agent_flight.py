@@ -14,12 +14,13 @@ from swarmctl.agent.state import Task, initial_state
 from swarmctl.agent.step import step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
+from swarmctl.core.events import TelemetryReceived
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.observation import Observation
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.threat import FiringStrength
-from swarmctl.mavlink.events import ProcedureDone, StateChanged
+from swarmctl.mavlink.events import ProcedureDone
 from swarmctl.mavlink.procedures import basic
 from swarmctl.planners import PLANNERS, Method
 
@@ -99,7 +100,7 @@ class AgentFlight:
         while self._seen < len(self.bench.events):
             event = self.bench.events[self._seen]
             self._seen += 1
-            if isinstance(event, StateChanged):
+            if isinstance(event, TelemetryReceived):
                 self(ev.TelemetryReceived(event.state))
             elif isinstance(event, ProcedureDone):
                 self._done(event)
