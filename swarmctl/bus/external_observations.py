@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from swarmctl.bus import keys, sensor_reports
-from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication, RequestSigning
+from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.rate import TokenBucket
-from swarmctl.bus.sensor_reports import RejectedReport, RejectReason, Report, ReportAnswer, ReportedCells
+from swarmctl.bus.sensor_reports import RejectedReport, RejectReason, ReportAnswer, ReportedCells
 from swarmctl.bus.transports.base import MAX_QUERY_BYTES, Reply, Transport
 from swarmctl.core.grid import Grid
 from swarmctl.core.messages import BadMessage
@@ -25,8 +25,6 @@ BURST = 50
 """limits on the reports to one vehicle, accepted or refused: PER_S a second, BURST at once"""
 SHOWN_AGAIN_AFTER_S = 10.0
 """time without a refusal for the same reason, after which a further refusal is shown"""
-TIMEOUT_S = 3.0
-"""longest wait for an answer; an agent answers as soon as the report arrives"""
 
 
 @dataclass(slots=True)
@@ -118,26 +116,3 @@ class ReportReceiver:
         if before_s is None or now_s - before_s > SHOWN_AGAIN_AFTER_S:
             self._say(f"a report of observations was refused ({sum(refused.values())} so far): {why}")
         return ReportAnswer(taken=False, why=why)
-
-
-async def send_report(
-    bus: Transport,
-    swarm: str,
-    uav: int,
-    report: Report,
-    signing: RequestSigning = NO_AUTHENTICATION,
-    *,
-    signer: int | None = None,
-) -> ReportAnswer | None:
-    """Send a report and return the answer; None if the report reached no agent.
-
-    `signer`: the vehicle whose agent has its own token; None: one process flies all vehicles. Raises
-    TimeoutError, NotAuthorised, BadMessage for an answer without the token, and ValueError for an answer that
-    cannot be decoded.
-    """
-    key = keys.sensor_report(swarm, uav)
-    payload = signing.sign(signer, key, sensor_reports.encode(report))
-    answers = await bus.ask(key, payload, TIMEOUT_S)
-    if not answers:
-        return None
-    return sensor_reports.decode_answer(signing.verify_answer(signer, key, payload, answers[0]))

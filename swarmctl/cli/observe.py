@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from swarmctl.bus import external_observations
-from swarmctl.bus.authentication import NO_AUTHENTICATION, NotAuthorised, RequestSigning
+from swarmctl.bus.authentication import NO_AUTHENTICATION, RequestSigning
 from swarmctl.bus.sensor_reports import (
     MANUAL_SOURCE,
     VERSION,
@@ -20,7 +19,6 @@ from swarmctl.bus.sensor_reports import (
     report_schema,
 )
 from swarmctl.bus.transports.access import OPERATOR
-from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.cli.configuration import load_roster_or_exit
 from swarmctl.cli.console import FAILED, fail, out, say
@@ -35,10 +33,10 @@ from swarmctl.config import joining
 from swarmctl.config.communication import mesh_endpoints, vehicle_of
 from swarmctl.config.roster import Roster
 from swarmctl.core.grid import Cell
-from swarmctl.core.messages import MAX_SYSTEM_ID, BadMessage
+from swarmctl.core.messages import MAX_SYSTEM_ID
 from swarmctl.core.records import replace
 from swarmctl.station import client
-from swarmctl.station.client import BadOptions, FlightEndpoints, NoValidAnswer
+from swarmctl.station.client import BadOptions, FlightEndpoints
 
 MAX_INDEX = 2**31
 """a number greater than the rows and columns of any area"""
@@ -173,40 +171,4 @@ async def _report(
 ) -> ReportAnswer:
     """Connect, send a report and return the answer. Raises BusError and NoValidAnswer."""
     with client.connected(flight, credentials) as bus:
-        return await send_report(bus, flight, uav, report, signing)
-
-
-async def send_report(
-    bus: Transport,
-    flight: FlightEndpoints,
-    uav: int,
-    report: Report,
-    signing: RequestSigning = NO_AUTHENTICATION,
-) -> ReportAnswer:
-    """Send a report over an open bus and return the answer. Raises NoValidAnswer."""
-    signer = uav if flight.agents else None
-    try:
-        answer = await external_observations.send_report(
-            bus, flight.swarm, uav, report, signing, signer=signer
-        )
-    except NotAuthorised as error:
-        raise NoValidAnswer(str(error)) from None
-    except BadMessage:
-        raise NoValidAnswer(client.unverified(flight)) from None
-    except TimeoutError:
-        raise NoValidAnswer(
-            f"{flight.swarm} at {flight.endpoint} did not answer within "
-            f"{external_observations.TIMEOUT_S:g} s; the vehicle may have accepted the report [no-answer]"
-        ) from None
-    except ValueError as error:
-        raise NoValidAnswer(
-            f"{flight.swarm} at {flight.endpoint}: {error}; the flight may run another "
-            "version of this program"
-        ) from None
-    if answer is None:
-        raise NoValidAnswer(
-            f"vehicle {uav} of {flight.swarm} accepts no reports at {flight.endpoint}: "
-            "its flight may have ended, or the vehicle is not of this swarm, or its configuration lacks "
-            "`sensor: {source: external}` or `both` [no-report-receiver]"
-        )
-    return answer
+        return await client.report(bus, flight, uav, report, signing)

@@ -1,4 +1,4 @@
-"""Client of the operator service: finds a swarm in flight, sends commands, and decodes the answers."""
+"""Client of a flight: finds a swarm, sends commands and reports of observations, and decodes the answers."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ import asyncio
 import contextlib
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Literal, TypeVar
 
 import msgspec
 
-from swarmctl.bus import directory, keys
+from swarmctl.bus import directory, keys, sensor_reports
 from swarmctl.bus.authentication import NO_AUTHENTICATION, NotAuthorised, RequestSigning
 from swarmctl.bus.endpoint import NO_ENDPOINT, BusEndpoint, parse_endpoint
 from swarmctl.bus.operator_service import ANSWER_WITHIN_S, KINDS
+from swarmctl.bus.sensor_reports import Report, ReportAnswer
 from swarmctl.bus.transports import BUSES, zenoh_config
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh import ZenohBus
@@ -33,6 +35,11 @@ from swarmctl.core.operator_text import did_you_mean, extended, resolve_vehicles
 from swarmctl.core.records import replace
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
+AGENT_SILENT = (
+    "the vehicle's agent does not answer: the flight has ended, or `swarmctl agent` does not run or has no "
+    "connection to the network [agent-silent]"
+)
+A = TypeVar("A")
 
 
 class BadOptions(ValueError):
@@ -40,7 +47,13 @@ class BadOptions(ValueError):
 
 
 class NoValidAnswer(Exception):
-    """A command without a valid answer; the text states whether the command may have had an effect."""
+    """A request without a valid answer; the text states whether the request may have had an effect."""
+
+    def __init__(
+        self, text: str, outcome: Literal["refused", "silent", "unconfirmed"] = "unconfirmed"
+    ) -> None:
+        super().__init__(text)
+        self.outcome = outcome
 
 
 class FlightEndpoints(msgspec.Struct, frozen=True):
@@ -52,6 +65,10 @@ class FlightEndpoints(msgspec.Struct, frozen=True):
     """further endpoints, tried in order"""
     agents: Mapping[int, str] = msgspec.field(default_factory=dict)
     """vehicles (system id: name) with separate agents; empty: one process answers for all vehicles"""
+
+    @property
+    def text(self) -> str:
+        return f"{self.swarm} at {self.endpoint}"
 
 
 def chosen_vehicles(uavs: Sequence[str] | None, all_vehicles: bool) -> tuple[str, ...] | None:
@@ -188,59 +205,110 @@ def connected(flight: FlightEndpoints, credentials: Credentials | None = None) -
     raise BusError("; ".join(failures))
 
 
+class Receiver(msgspec.Struct, frozen=True):
+    """The receiver of a request."""
+
+    key: str
+    who: str
+    """the receiver, for messages"""
+    absent: str
+    """message if no process serves the key"""
+    uav: int | None = None
+    """vehicle whose agent has its own keys or its own token; None: the process that flies all vehicles"""
+
+
+async def exchange(
+    bus: Transport,
+    receiver: Receiver,
+    request: bytes,
+    signing: RequestSigning,
+    decode: Callable[[bytes], A],
+) -> tuple[A, str]:
+    """Send a signed request over an open bus; return its only valid answer, and a note about dropped answers.
+
+    In a mesh any node may answer for any key, so only the receiver's signature counts. Raises NoValidAnswer.
+    """
+    who = receiver.who
+    try:
+        payload = signing.sign(receiver.uav, receiver.key, request)
+        answers = await bus.ask(receiver.key, payload, TIMEOUT_S)
+    except NotAuthorised as error:
+        raise NoValidAnswer(str(error), "refused") from None
+    except TimeoutError:
+        raise NoValidAnswer(
+            f"{who} did not answer within {TIMEOUT_S:g} s. The request may have had an effect; check the "
+            "flight's table, or repeat the request [no-answer]"
+        ) from None
+    if not answers:
+        raise NoValidAnswer(receiver.absent, "silent")
+    verified = []
+    for data in answers:
+        with contextlib.suppress(BadMessage):
+            verified.append(signing.verify_answer(receiver.uav, receiver.key, payload, data))
+    dropped = _dropped_text(len(answers) - len(verified))
+    if not verified:
+        raise NoValidAnswer(f"{who} gives no valid answer: {dropped}")
+    if len(verified) > 1:
+        raise NoValidAnswer(
+            f"{len(verified)} processes answer for {who}, so the result of the request is unknown; end all "
+            "processes but one, and check the remaining flight's table"
+        )
+    try:
+        return decode(verified[0]), dropped
+    except ValueError as error:
+        raise NoValidAnswer(
+            f"{who} sent an invalid answer: {error}. The request may have had an effect; the receiver may "
+            "run another version of this program"
+        ) from error
+
+
+def _dropped_text(n_dropped: int) -> str:
+    if not n_dropped:
+        return ""
+    return (
+        f"{n_dropped} answer{'s' if n_dropped > 1 else ''} without the receiver's signature: it has other "
+        "keys or another token and refused the request, or another program answers; send the request as the "
+        "user of the flight, or set SWARMCTL_TOKEN_FILE for both [wrong-token]"
+    )
+
+
 async def ask(
     bus: Transport, flight: FlightEndpoints, command: Request, signing: RequestSigning = NO_AUTHENTICATION
 ) -> OperatorAnswer:
     """Send a command over an open bus and return the answer. Raises BadOptions and NoValidAnswer."""
-    kind = KINDS[type(command)]
     if flight.agents:
-        return await _ask_each(bus, flight, kind, command, signing)
-    key = keys.request(flight.swarm, kind)
-    try:
-        payload = signing.sign(None, key, encode(command))
-    except NotAuthorised as error:
-        raise NoValidAnswer(str(error)) from None
-    try:
-        answers = await bus.ask(key, payload, TIMEOUT_S)
-    except TimeoutError:
-        raise NoValidAnswer(
-            f"{flight.swarm} at {flight.endpoint} did not answer within {TIMEOUT_S:g} s. The command may "
-            "have had an effect; check the flight's table, or repeat the command [no-answer]"
-        ) from None
-    if not answers:
-        raise NoValidAnswer(
-            f"no swarm {flight.swarm} answers at {flight.endpoint}, or the swarm's queue of commands is "
-            "full; nothing was changed [not-served]"
-        )
-    if len(answers) > 1:
-        raise NoValidAnswer(
-            f"{len(answers)} processes answer for {flight.swarm} at {flight.endpoint}, so the result of "
-            "the command is unknown; end all processes but one, and check the remaining flight's table"
-        )
-    try:
-        answer = signing.verify_answer(None, key, payload, answers[0])
-    except BadMessage:
-        raise NoValidAnswer(unverified(flight)) from None
-    try:
-        return decode_answer(answer)
-    except BadMessage as error:
-        raise NoValidAnswer(
-            f"{flight.swarm} at {flight.endpoint} sent an invalid answer: {error}. The command may have "
-            "had an effect; the flight may run another version of this program"
-        ) from error
-
-
-def unverified(flight: FlightEndpoints) -> str:
-    """Return the error for an answer that does not have the flight's token."""
-    return (
-        f"{flight.swarm} at {flight.endpoint} has another token and refused the request, or another program "
-        "answers there; send the request as the user of the flight, or set SWARMCTL_TOKEN_FILE for both "
-        "[wrong-token]"
+        return await _ask_each(bus, flight, command, signing)
+    absent = (
+        f"no swarm {flight.swarm} answers at {flight.endpoint}, or the swarm's queue of commands is full; "
+        "nothing was changed [not-served]"
     )
+    receiver = Receiver(keys.request(flight.swarm, KINDS[type(command)]), flight.text, absent)
+    answer, _ = await exchange(bus, receiver, encode(command), signing, decode_answer)
+    return answer
+
+
+async def report(
+    bus: Transport,
+    flight: FlightEndpoints,
+    uav: int,
+    observed: Report,
+    signing: RequestSigning = NO_AUTHENTICATION,
+) -> ReportAnswer:
+    """Send a report of observations over an open bus and return the answer. Raises NoValidAnswer."""
+    absent = (
+        f"vehicle {uav} of {flight.swarm} accepts no reports at {flight.endpoint}: its flight may have "
+        "ended, or the vehicle is not of this swarm, or its configuration lacks `sensor: {source: external}` "
+        "or `both` [no-report-receiver]"
+    )
+    key = keys.sensor_report(flight.swarm, uav)
+    receiver = Receiver(key, flight.text, absent, uav if flight.agents else None)
+    encoded, decode = sensor_reports.encode(observed), sensor_reports.decode_answer
+    answer, _ = await exchange(bus, receiver, encoded, signing, decode)
+    return answer
 
 
 async def _ask_each(
-    bus: Transport, flight: FlightEndpoints, kind: keys.RequestKind, command: Request, signing: RequestSigning
+    bus: Transport, flight: FlightEndpoints, command: Request, signing: RequestSigning
 ) -> OperatorAnswer:
     """Send a command to the agents of the vehicles in `command.uavs`, all at once. Raises BadOptions."""
     try:
@@ -252,68 +320,28 @@ async def _ask_each(
         raise BadOptions(f"nothing was changed: {error}") from None
 
     async def ask_agent(uav: int) -> VehicleAnswer:
-        key, name = keys.request(flight.swarm, kind, uav), flight.agents[uav]
+        key, name = keys.request(flight.swarm, KINDS[type(command)], uav), flight.agents[uav]
+        receiver = Receiver(key, "the vehicle's agent", AGENT_SILENT, uav)
+        request = encode(replace(command, uavs=(uav,)))
         try:
-            payload = signing.sign(uav, key, encode(replace(command, uavs=(uav,))))
-        except NotAuthorised as error:
-            return VehicleAnswer(uav, name, "refused", note=str(error))
-        try:
-            answers = await bus.ask(key, payload, TIMEOUT_S)
-        except TimeoutError:
-            note = f"the vehicle's agent did not answer within {TIMEOUT_S:g} s"
-            return VehicleAnswer(uav, name, "unconfirmed", note=note)
-        verified = list(_verified_answers(signing, uav, key, payload, answers))
-        n_dropped = len(answers) - len(verified)
-        return _one_answer(uav, name, verified, n_dropped)
+            answer, dropped = await exchange(bus, receiver, request, signing, decode_answer)
+        except NoValidAnswer as error:
+            return VehicleAnswer(uav, name, error.outcome, note=str(error))
+        vehicle = _vehicle_answer(uav, name, answer)
+        if not dropped:
+            return vehicle
+        return replace(vehicle, note=extended(vehicle.note, f"; {dropped}") if vehicle.note else dropped)
 
     return OperatorAnswer(tuple(await asyncio.gather(*map(ask_agent, uavs))))
 
 
-def _verified_answers(
-    signing: RequestSigning, uav: int, key: str, asked: bytes, answers: Sequence[bytes]
-) -> Iterator[bytes]:
-    for data in answers:
-        with contextlib.suppress(BadMessage):
-            yield signing.verify_answer(uav, key, asked, data)
-
-
-def _one_answer(uav: int, name: str, answers: Sequence[bytes], n_dropped: int) -> VehicleAnswer:
-    """Return an agent's answer; `n_dropped` answers did not have the vehicle's signature."""
-    if not n_dropped:
-        return _decode_one(uav, name, answers)
-    warning = (
-        f"{n_dropped} answer{'s' if n_dropped > 1 else ''} without the vehicle's signature "
-        "(another process answers for the vehicle, or the vehicle has other keys or another token)"
-    )
-    if not answers:
-        return VehicleAnswer(uav, name, "unconfirmed", note=f"no signed answer, and {warning}")
-    answer = _decode_one(uav, name, answers)
-    dropped_text = f"dropped: {warning}"
-    note = extended(answer.note, f"; {dropped_text}") if answer.note else dropped_text
-    return replace(answer, note=note)
-
-
-def _decode_one(uav: int, name: str, answers: Sequence[bytes]) -> VehicleAnswer:
-    if not answers:
-        note = (
-            "the vehicle's agent does not answer: the flight has ended, or `swarmctl agent` does not run or "
-            "has no connection to the network [agent-silent]"
-        )
-        return VehicleAnswer(uav, name, "silent", note=note)
-    if len(answers) > 1:
-        note = f"{len(answers)} agents answer for this vehicle; end all agents but one"
-        return VehicleAnswer(uav, name, "unconfirmed", note=note)
-    try:
-        answer = decode_answer(answers[0])
-    except BadMessage as error:
-        note = f"the agent's answer is invalid: {error}; the agent may run another version of this program"
-        return VehicleAnswer(uav, name, "unconfirmed", note=note)
+def _vehicle_answer(uav: int, name: str, answer: OperatorAnswer) -> VehicleAnswer:
+    """Return the part of an agent's answer about its vehicle."""
     if answer.refused:
         return VehicleAnswer(uav, name, "refused", note=answer.refused)
     if [vehicle.uav for vehicle in answer.vehicles] != [uav]:
-        return VehicleAnswer(
-            uav, name, "unconfirmed", note="the vehicle's agent answered for another vehicle"
-        )
+        note = "the vehicle's agent answered for another vehicle"
+        return VehicleAnswer(uav, name, "unconfirmed", note=note)
     return answer.vehicles[0]
 
 

@@ -28,7 +28,6 @@ from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
-from swarmctl.cli import observe
 from swarmctl.cli.main import cli
 from swarmctl.core.grid import Grid
 from swarmctl.core.records import replace
@@ -37,6 +36,7 @@ from swarmctl.security.issue import make_keys
 from swarmctl.security.participant import load_keyring
 from swarmctl.security.requests import by_token
 from swarmctl.security.token import new_token
+from swarmctl.station import client
 from swarmctl.station.client import FlightEndpoints, NoValidAnswer
 
 GRID = Grid(8, 8, 50.0, 46.0, 14.4)
@@ -241,6 +241,6 @@ def test_an_invalid_answer_is_an_error_and_not_a_bug(reply: bytes | None, reason
         )
         station = FlightEndpoints("test", BusEndpoint("127.0.0.1", 7447))
         with pytest.raises(NoValidAnswer, match=reason):
-            await observe.send_report(bus, station, 3, Report(1, cells=((4, 7, True),)))
+            await client.report(bus, station, 3, Report(1, cells=((4, 7, True),)))
 
     run_virtual(scene())
