@@ -254,7 +254,7 @@ class Session:
             vehicle.mission.own_procedure_ended((), now)
             vehicle.streams.renew(now)
             step.messages.extend(vehicle.streams.tick(now))
-        step.messages.extend(telemetry.questions(now))
+        step.messages.extend(telemetry.clock.questions(now))
         vehicle.streams.on_message(message.get_msgId(), now)
         if is_new_state:
             step.messages.extend(vehicle.streams.set_armed(telemetry.state.armed, now))

@@ -78,24 +78,35 @@ def verify_answer(swarm: str, key: str, asked: bytes, data: bytes, verify: Verif
 
 
 @dataclass(slots=True)
-class RequestVerifier:
-    """Verifier of requests: checks signature, bus key and time, and refuses repeated requests."""
+class SignedRequests:
+    """The receiver's side: checks signature, key and time, refuses repeated requests, and signs answers."""
 
     swarm: str
     is_signed: Verify
     """function that checks the sender's signature"""
-    began_unix_s: float
-    """start of this process; requests from before may have been executed by another process"""
+    sign: Sign
+    clock: Callable[[], float]
+    """wall clock [s since 1970]"""
     tolerance_s: float
     """greatest time by which the sender's clock may be ahead [s]"""
+    is_cheap: bool
+    """True for the HMAC of a token, False for Ed25519"""
     unsigned: str = NOT_SIGNED
     """reason for the refusal of a wrong signature"""
+    _began_unix_s: float = field(init=False)
+    """start of this process; requests from before may have been executed by another process"""
     _accepted: dict[int, set[bytes]] = field(default_factory=dict, init=False)
     """hashes of the accepted requests, by the whole seconds of their time"""
 
-    def verify(self, key: str, data: bytes, unix_s: float) -> bytes:
+    def __post_init__(self) -> None:
+        self._began_unix_s = self.clock()
+
+    def sign_answer(self, key: str, payload: bytes, answer: bytes) -> bytes:
+        return sign_answer(self.swarm, key, payload, answer, self.sign)
+
+    def verify(self, key: str, payload: bytes) -> bytes:
         """Return the request. Raises BadMessage, and no other exception, for a refused payload."""
-        signature, body = data[:SIGNATURE_BYTES], data[SIGNATURE_BYTES:]
+        signature, body = payload[:SIGNATURE_BYTES], payload[SIGNATURE_BYTES:]
         if not self.is_signed(signature, _signed_request_bytes(self.swarm, body)):
             raise BadMessage(self.unsigned)
         line, newline, request = body.partition(b"\n")
@@ -107,6 +118,7 @@ class RequestVerifier:
             raise BadMessage("the payload is not a signed request: the line with key and time does not end")
         if header.key != key:
             raise BadMessage(f"the request is for the key {header.key}, but arrived under {key}")
+        unix_s = self.clock()
         self._check_time(header.unix_s, unix_s)
         self._check_is_new(header.unix_s, hashlib.sha256(body).digest(), unix_s)
         return request
@@ -126,8 +138,8 @@ class RequestVerifier:
                 f"the request's time is {-age_s:.0f} s ahead of this machine's clock; check the clocks of "
                 "both machines [command-early]"
             )
-        if given_unix_s < self.began_unix_s:
-            before_s = self.began_unix_s - given_unix_s
+        if given_unix_s < self._began_unix_s:
+            before_s = self._began_unix_s - given_unix_s
             raise BadMessage(
                 f"the request was given {before_s:.1f} s before this process started; repeat it. If this "
                 "fails too, check the clocks of both machines [command-before-start]"
@@ -139,35 +151,17 @@ class RequestVerifier:
             )
 
 
-class SignedRequests(msgspec.Struct, frozen=True):
-    """The receiver's side: a verifier of requests from `clock`'s present on, and the signer of answers."""
-
-    verifier: RequestVerifier
-    sign: Sign
-    clock: Callable[[], float]
-    """wall clock [s since 1970]"""
-    is_cheap: bool
-    """True for the HMAC of a token, False for Ed25519"""
-
-    def verify(self, key: str, payload: bytes) -> bytes:
-        return self.verifier.verify(key, payload, self.clock())
-
-    def sign_answer(self, key: str, payload: bytes, answer: bytes) -> bytes:
-        return sign_answer(self.verifier.swarm, key, payload, answer, self.sign)
-
-
 def by_operator(
     swarm: str, keyring: Keyring, tolerance_s: float, clock: Callable[[], float]
 ) -> SignedRequests:
     """Return the authentication of an agent with keys: requests of the operator, answers of the vehicle."""
-    verifier = RequestVerifier(swarm, keyring.is_signed_by_operator, clock(), tolerance_s)
-    return SignedRequests(verifier, keyring.signing_key.sign, clock, is_cheap=False)
+    is_signed, sign = keyring.is_signed_by_operator, keyring.signing_key.sign
+    return SignedRequests(swarm, is_signed, sign, clock, tolerance_s, is_cheap=False)
 
 
 def by_token(swarm: str, token: Token, tolerance_s: float, clock: Callable[[], float]) -> SignedRequests:
     """Return the authentication of a process without keys: all who have its token."""
-    verifier = RequestVerifier(swarm, token.verify, clock(), tolerance_s, WRONG_TOKEN)
-    return SignedRequests(verifier, token.sign, clock, is_cheap=True)
+    return SignedRequests(swarm, token.verify, token.sign, clock, tolerance_s, True, WRONG_TOKEN)
 
 
 class OperatorSigning(msgspec.Struct, frozen=True):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from swarmctl.core.messages import BadMessage
 from swarmctl.security.requests import (
     MAX_REQUEST_AGE_S,
-    RequestVerifier,
+    SignedRequests,
     sign_answer,
     sign_request,
     verify_answer,
@@ -36,8 +36,19 @@ def verify_with(key: Ed25519PrivateKey) -> Callable[[bytes, bytes], bool]:
     return is_signed
 
 
-def verifier(began_unix_s: float = NOW - 100.0) -> RequestVerifier:
-    return RequestVerifier("test", verify_with(OPERATOR), began_unix_s, 5.0)
+class Agent:
+    """A receiver of requests that began at a time, and its clock."""
+
+    def __init__(
+        self, began_unix_s: float = NOW - 100.0, is_signed: Callable[[bytes, bytes], bool] | None = None
+    ) -> None:
+        self._now = began_unix_s
+        is_signed = is_signed or verify_with(OPERATOR)
+        self._requests = SignedRequests("test", is_signed, UAV.sign, lambda: self._now, 5.0, is_cheap=False)
+
+    def verify(self, key: str, data: bytes, now: float) -> bytes:
+        self._now = now
+        return self._requests.verify(key, data)
 
 
 def signed(
@@ -52,7 +63,7 @@ def timeless() -> bytes:
 
 
 def test_a_command_of_the_operator_is_accepted() -> None:
-    agent = verifier()
+    agent = Agent()
     assert agent.verify(KEY, signed(NOW), NOW + 1.0) == b"land"
     assert agent.verify(KEY, signed(NOW + 0.5), NOW + 1.0) == b"land"
 
@@ -73,11 +84,11 @@ REFUSED = {
 @pytest.mark.parametrize(("data", "reason"), REFUSED.values(), ids=REFUSED)
 def test_an_invalid_command_is_refused(data: bytes, reason: str) -> None:
     with pytest.raises(BadMessage, match=reason):
-        verifier().verify(KEY, data, NOW)
+        Agent().verify(KEY, data, NOW)
 
 
 def test_a_command_is_accepted_once() -> None:
-    agent, data = verifier(), signed()
+    agent, data = Agent(), signed()
     agent.verify(KEY, data, NOW)
     with pytest.raises(BadMessage, match="command-replayed"):
         agent.verify(KEY, data, NOW + 1.0)
@@ -89,7 +100,7 @@ def test_a_command_is_accepted_once() -> None:
 def test_a_command_from_before_the_agents_start_is_refused(down_s: float) -> None:
     """The refusal also applies within the tolerance for differing clocks."""
     with pytest.raises(BadMessage, match="command-before-start"):
-        verifier(began_unix_s=NOW + down_s).verify(KEY, signed(NOW), NOW + 10.0)
+        Agent(began_unix_s=NOW + down_s).verify(KEY, signed(NOW), NOW + 10.0)
 
 
 def test_an_answer_is_valid_for_its_vehicle_and_its_command_only() -> None:
@@ -112,6 +123,6 @@ def test_an_answer_is_valid_for_its_vehicle_and_its_command_only() -> None:
 
 @given(st.binary(max_size=300))
 def test_any_bytes_raise_bad_message_only(data: bytes) -> None:
-    trusting = RequestVerifier("test", lambda *_: True, NOW, 5.0)
+    trusting = Agent(NOW, lambda *_: True)
     with pytest.raises(BadMessage):
         trusting.verify(KEY, b"s" * 64 + data, NOW)

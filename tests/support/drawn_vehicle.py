@@ -97,10 +97,15 @@ class DrawnVehicle:
     def texts_since(self, n_texts: int) -> list[tuple[int, str]]:
         return self.texts[n_texts:]
 
+    @property
+    def clock(self) -> DrawnVehicle:
+        """Return this object, which knows the age of its telemetry."""
+        return self
+
     def age_s(self, now: float) -> float:
         return 9.0 if self.is_silent else 0.1
 
-    def is_old(self, now: float, limit_s: float = 3.0) -> bool:
+    def is_old(self, now: float, limit_s: float) -> bool:
         return self.age_s(now) > limit_s
 
     # flight

@@ -43,8 +43,6 @@ class Script:
     """an item that is stored 500 m off, without an error"""
     rally_points: int | None = 0
     """None: firmware without rally points"""
-    fences: bool = True
-    """firmware with fences, which answers MAV_CMD_DO_FENCE_ENABLE"""
     speeds: bool = True
     """support of MAV_CMD_DO_CHANGE_SPEED"""
 
@@ -111,7 +109,7 @@ class Copter:
         params = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
         self.commands.append((m.command, params))
         do = {400: self.arm, 176: self.set_mode, 300: self.start, 224: self.set_current}.get(m.command)
-        if (m.command == 178 and self.script.speeds) or (m.command == 207 and self.script.fences):
+        if m.command == 178 and self.script.speeds:
             do = lambda *_: 0  # noqa: E731
         if m.command == 511:
             self.streams[int(m.param1)] = m.param2 / 1e6

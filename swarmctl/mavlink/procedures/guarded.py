@@ -75,7 +75,7 @@ def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
     is_recent = ctx.has_recent_telemetry
     if not (yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S, counts=is_recent)):
         if not is_recent():
-            raise NotInControl(describe_old_telemetry(ctx.telemetry.age_s(ctx.now)))
+            raise NotInControl(describe_old_telemetry(ctx.telemetry.clock.age_s(ctx.now)))
         raise NotInControl(
             f"no heartbeat for {HEARTBEAT_WAIT_S:g} s: mode unknown, no further command is sent [silent]"
         )

@@ -49,7 +49,7 @@ class Context:
 
     def has_recent_telemetry(self) -> bool:
         """Return whether a message that arrives now is recent enough for a command."""
-        return not self.telemetry.is_old(self.now, RECENT_DELAY_S)
+        return not self.telemetry.clock.is_old(self.now, RECENT_DELAY_S)
 
     def after_heartbeat(self, condition: Callable[[VehicleState], bool]) -> Callable[[], bool]:
         """Return a condition: a heartbeat has arrived after this call, and `condition` holds."""

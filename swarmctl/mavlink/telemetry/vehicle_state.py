@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.vehicle import MAX_DELAY_S, Landed, ModeRole, VehicleState
+from swarmctl.core.vehicle import Landed, ModeRole, VehicleState
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.telemetry.presence import is_armed
@@ -42,6 +42,7 @@ class Telemetry:
     `receive` returns True for a new state: at each position, at each change of mode or arming, and about once
     a second while no positions arrive.
 
+    clock: the vehicle's clock, which knows the age of the newest message
     texts: last TEXTS_KEPT STATUSTEXTs (severity, text); `n_texts` counts all of them
     stood_still_s: time in hold or without motion in the air, by the vehicle's clock
     """
@@ -59,7 +60,7 @@ class Telemetry:
         self._has_changed = False
         """True if `_state` lacks some of these values"""
         self._now = 0.0
-        self._clock = VehicleClock()
+        self.clock = VehicleClock()
         self._new_state_s = -math.inf
         self._positions_s: deque[float] = deque(maxlen=MAX_POSITIONS)
         """arrival times of the last positions"""
@@ -119,19 +120,7 @@ class Telemetry:
     @property
     def position_age_s(self) -> float:
         """Return the age of the position at the last message [s]; 0 without a position."""
-        return self._clock.age_s(self._now, self.state.time_boot_s) if self.state.has_position else 0.0
-
-    def age_s(self, now: float) -> float:
-        """Return the age of the newest telemetry, by the vehicle's clock [s]; 0 before the first."""
-        return self._clock.age_s(now)
-
-    def is_old(self, now: float, limit_s: float = MAX_DELAY_S) -> bool:
-        """Return whether the newest telemetry is older than `limit_s` and the usual interval on this link."""
-        return self._clock.is_old(now, limit_s)
-
-    def questions(self, now: float) -> list[Message]:
-        """Return the messages that ask for the vehicle's clock while telemetry looks old."""
-        return self._clock.questions(now)
+        return self.clock.age_s(self._now, self.state.time_boot_s) if self.state.has_position else 0.0
 
     def position_every_s(self, now: float) -> float | None:
         """Return the mean interval of the last positions, `now` included [s]; None before MIN_POSITIONS."""
@@ -203,9 +192,9 @@ class Telemetry:
 
     def _read_clock(self, message: Message) -> float | None:
         """Return a message's time since boot [s]; None if it shows a reboot, which clears the state."""
-        time_boot_s, has_rebooted = self._clock.read(message, self._now, self._latest["time_boot_s"])
+        time_boot_s, has_rebooted = self.clock.read(message, self._now, self._latest["time_boot_s"])
         if not has_rebooted:
-            self._latest["delay_s"] = round(self._clock.age_s(self._now, time_boot_s), 1)
+            self._latest["delay_s"] = round(self.clock.age_s(self._now, time_boot_s), 1)
             return time_boot_s
         # Heartbeats come without a request, so their fields stay; other fields are from before the reboot.
         kept = ("mode", "mode_role", "armed", "brakes_m_s2", "start_delay_s", "heartbeat_s")
@@ -265,7 +254,7 @@ class Telemetry:
         return False
 
     def _timesync(self, message: Message) -> bool:
-        self._clock.receive_answer(message, self._now)
+        self.clock.receive_answer(message, self._now)
         return False
 
     def _statustext(self, message: Message) -> bool:

@@ -11,6 +11,7 @@ from typing import Generic, TypeVar
 import msgspec
 
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.vehicle import MAX_DELAY_S
 from swarmctl.mavlink.procedures.guarded import (
     NotInControl,
     StateCondition,
@@ -78,7 +79,8 @@ class Swap:
     def lacks_position(self) -> bool:
         """Return whether the plan needs a position (`leaves_ahead`), but it is unknown or old."""
         ctx = self.ctx
-        return self.plan.leaves_ahead and (not ctx.state.has_position or ctx.telemetry.is_old(ctx.now))
+        is_old = ctx.telemetry.clock.is_old(ctx.now, MAX_DELAY_S)
+        return self.plan.leaves_ahead and (not ctx.state.has_position or is_old)
 
     def next_waypoint(self, later_s: float = 0.0) -> int:
         """Return the index of the next waypoint; 0 if not `leaves_ahead` and the position is late."""
