@@ -44,7 +44,6 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core.operator_text import extended
 from swarmctl.core.records import replace
 from swarmctl.flight import companion
-from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.links.url import parse_url
 from swarmctl.report import unfinished_run
 from swarmctl.report.unfinished_run import UnfinishedRun
@@ -100,24 +99,22 @@ def agent(
     (spec,) = scenario.specs
     folder = run_folder(out_folder, f"{scenario.config.name}-{spec.name}")
     display = terminal(verbose=verbose, with_time=True)
-    tune_collector()
-    with uninterrupted() as run:
+    with uninterrupted(display) as run:
         try:
-            with display.shown():
-                report = run(
-                    companion.fly(
-                        scenario,
-                        folder,
-                        display,
-                        clock="real",
-                        permission=may_arm,
-                        launch=launch,
-                        network=network,
-                        keyring=keyring,
-                        waivers=waivers,
-                        resumes=unfinished,
-                    )
+            report = run(
+                companion.fly(
+                    scenario,
+                    folder,
+                    display,
+                    clock="real",
+                    permission=may_arm,
+                    launch=launch,
+                    network=network,
+                    keyring=keyring,
+                    waivers=waivers,
+                    resumes=unfinished,
                 )
+            )
         except (BusError, KeyringError) as error:
             fail([str(error)], FAILED)
         conclude(report, scenario, folder)

@@ -19,9 +19,11 @@ from swarmctl.config.links_checks import forwarding_problem
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.operator_text import typed_names
 from swarmctl.core.records import replace
+from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.member import Member
 from swarmctl.flight.permission import Permission, PreflightFailed
-from swarmctl.flight.run import real_clock_need
+from swarmctl.flight.run import Clock, real_clock_need
+from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver, parse_waivers
 from swarmctl.report import outputs
@@ -234,8 +236,10 @@ class _LateSignalLoop(asyncio.SelectorEventLoop):
 
 
 @contextlib.contextmanager
-def uninterrupted() -> Iterator[Callable[[Coroutine[Any, Any, T]], T]]:
-    """Yield a function that runs a flight; protect the writing of its files from interruption.
+def uninterrupted(
+    display: Terminal, clock: Clock = "real"
+) -> Iterator[Callable[[Coroutine[Any, Any, T]], T]]:
+    """Yield a function that runs and shows a flight; protect the writing of its files from interruption.
 
     Between the end of the flight and the end of the context, the first signal only prints a warning. The
     second signal ends the process.
@@ -252,8 +256,12 @@ def uninterrupted() -> Iterator[Callable[[Coroutine[Any, Any, T]], T]]:
             os.write(STDERR, LATE_INTERRUPT)  # sys.stderr may be writing another line
 
     def run(flight: Coroutine[Any, Any, T]) -> T:
-        with asyncio.Runner(loop_factory=lambda: _LateSignalLoop(on_late_signal)) as runner:
-            return runner.run(flight)
+        tune_collector()
+        with display.shown():
+            if clock == "virtual":
+                return run_virtual(flight)
+            with asyncio.Runner(loop_factory=lambda: _LateSignalLoop(on_late_signal)) as runner:
+                return runner.run(flight)
 
     try:
         yield run

@@ -44,9 +44,7 @@ from swarmctl.cli.resume import ResumeOption, load_or_exit, run_or_exit
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.records import replace
 from swarmctl.flight import app
-from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.run import DEFAULT_OPTIONS, Clock
-from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight import host
 from swarmctl.report.evidence.log import Signer
 from swarmctl.security.evidence_keys import operator_evidence_signer
@@ -109,21 +107,13 @@ def fly(
     subject = config if unfinished is None else unfinished.folder
     say(f"{subject}: {describe(scenario)}; connecting")
     display = terminal(verbose=verbose)
-    tune_collector()
     with (
         live_dashboard(folder) if dashboard else contextlib.nullcontext(),
-        uninterrupted() as run_flight,
+        uninterrupted(display, clock) as run_flight,
     ):
-        with display.shown():
-            flight = app.fly(
-                scenario,
-                folder,
-                display,
-                clock=clock,
-                permission=may_arm,
-                options=options,
-            )
-            report = run_virtual(flight) if clock == "virtual" else run_flight(flight)
+        report = run_flight(
+            app.fly(scenario, folder, display, clock=clock, permission=may_arm, options=options)
+        )
         conclude(report, scenario, folder)
 
 

@@ -31,9 +31,7 @@ from swarmctl.cli.fly import ClockOption
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.records import replace
 from swarmctl.flight import app
-from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.run import DEFAULT_OPTIONS
-from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight import report
 from swarmctl.report.outcome import FlightReport
 
@@ -60,8 +58,7 @@ def preflight(
         if clock == "real":
             require_flyable(config, scenario, folder)
         display = terminal(verbose=verbose)
-        tune_collector()
-        with uninterrupted() as run, display.shown():
+        with uninterrupted(display, clock) as run:
             flight = app.fly(
                 scenario,
                 folder,
@@ -71,7 +68,7 @@ def preflight(
                 bus=MemoryBus(ReportOnce(display.say)),
                 options=options,
             )
-            checks = run_virtual(flight) if clock == "virtual" else run(flight)
+            checks = run(flight)
     _conclude(checks, scenario)
 
 
