@@ -71,11 +71,9 @@ def _armed_and_unreleased(members: Sequence[Member]) -> list[Member]:
 
 async def _order(member: Member, order: FlightOrder, *, check_mode_first: bool) -> bool:
     """Order a vehicle and return whether telemetry shows that the vehicle follows."""
-    link = member.runner.link
-    action = {FlightOrder.HOLD: link.hold, FlightOrder.LAND: link.land}.get(order, link.return_home)
     with contextlib.suppress(LinkError, TimeoutError):
         async with asyncio.timeout(ORDER_TIMEOUT_S):
-            await action(check_mode_first=check_mode_first)
+            await member.runner.link.order(order, check_mode_first=check_mode_first)
             return True
     return False
 

@@ -10,9 +10,8 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
-from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from functools import partial
-from typing import Any
 
 from swarmctl.agent.phases import ON_GROUND
 from swarmctl.agent.replan.mission_changes import needs_tick
@@ -335,15 +334,14 @@ class Runner:
             except LinkError as error:  # the link has sent no launch command
                 self.post(ev.OrderFailed(order, str(error), nothing_sent=True))
                 return
-        actions: dict[ev.FlightOrder, Callable[[], Coroutine[Any, Any, None]]] = {
-            ev.FlightOrder.LAUNCH: partial(self.link.launch, lambda: self._launch_conflict),
-            ev.FlightOrder.FORMATION: self.link.follow_setpoints,
-            ev.FlightOrder.HOLD: partial(self.link.hold, check_mode_first=check_mode_first),
-            ev.FlightOrder.RETURN: partial(self.link.return_home, check_mode_first=check_mode_first),
-            ev.FlightOrder.LAND: partial(self.link.land, check_mode_first=check_mode_first),
-        }
         try:
-            await actions[order]()
+            match order:
+                case ev.FlightOrder.LAUNCH:
+                    await self.link.launch(lambda: self._launch_conflict)
+                case ev.FlightOrder.FORMATION:
+                    await self.link.follow_setpoints()
+                case _:
+                    await self.link.order(order, check_mode_first=check_mode_first)
         except LaunchBlockedError as error:
             self.post(ev.LaunchPostponed(error.why, error.was_armed))
         except LinkError as error:

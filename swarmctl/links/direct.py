@@ -2,7 +2,7 @@
 
 Cancelling a call cancels its conversation on the wire. One call runs at a time; a second call raises `Busy`,
 except:
-- `hold`, `return_home` and `land` interrupt the running call, as an operator needs them in an emergency.
+- `order` interrupts the running call, as an operator needs it in an emergency.
 - `upload` and `ask` wait for each other.
 """
 
@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from swarmctl.core.events import TelemetryReceived
+from swarmctl.core.events import FlightOrder, TelemetryReceived
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
@@ -208,14 +208,21 @@ class DirectLink:
         self._check(done, LinkError, "the stored mission cannot be read")
         return done
 
-    async def hold(self, *, check_mode_first: bool = False) -> None:
-        """Set hold mode; a vehicle that follows set-points in this mode stops. Raises CommandFailed.
+    async def order(self, order: FlightOrder, *, check_mode_first: bool = False) -> None:
+        """Order the vehicle to hold, return or land, in place of the running call. Raises CommandFailed.
 
         The first command is sent at once in any mode; repetitions stop once another party has chosen a mode.
         If `check_mode_first`, a mode that has just changed stops the first command too; use this for commands
-        that no operator has given. The same applies to `return_home` and `land`.
+        that no operator has given. Before a command that disarms or may arm, the mode is always checked.
+
+        A vehicle that follows set-points in its hold mode stops. A copter lands at its position, a fixed wing
+        at a landing of its mission; on the ground it is disarmed.
         """
-        await self._perform_urgent("hold", partial(basic.hold, check_mode_first=check_mode_first))
+        if self._waiter is not None:
+            self._interrupt(order)
+        procedure = partial(basic.ORDERS[order], check_mode_first=check_mode_first)
+        done: Done = await self._perform(order, procedure)
+        self._check(done, CommandFailed, f"{order} failed")
 
     async def follow_setpoints(self) -> None:
         """Make a vehicle that flies its mission follow set-points. Raises CommandFailed.
@@ -243,20 +250,6 @@ class DirectLink:
         """Set the speed until the mode changes. Raises CommandFailed, also outside of mission mode."""
         done: Done = await self._perform("set_speed", partial(basic.set_speed, speed_m_s=speed_m_s))
         self._check(done, CommandFailed, "set_speed failed")
-
-    async def return_home(self, *, check_mode_first: bool = False) -> None:
-        """Set return mode. Raises CommandFailed."""
-        await self._perform_urgent(
-            "return_home", partial(basic.return_home, check_mode_first=check_mode_first)
-        )
-
-    async def land(self, *, check_mode_first: bool = False) -> None:
-        """Land at the current position; a fixed wing lands at a landing of its mission. Raises CommandFailed.
-
-        A fixed wing on the ground is disarmed. Before a command that disarms or may arm, the mode is always
-        checked.
-        """
-        await self._perform_urgent("land", partial(basic.land, check_mode_first=check_mode_first))
 
     def close(self) -> None:
         """Close the link. Idempotent; the front end also calls this when it closes."""
@@ -287,13 +280,6 @@ class DirectLink:
             )
         except LinkError as error:
             raise LinkError(f"{self.name}: {error}") from None
-
-    async def _perform_urgent(self, name: str, procedure: Callable[[Context], Procedure[Done]]) -> None:
-        """Interrupt the running procedure, if any, and run this one."""
-        if self._waiter is not None:
-            self._interrupt(name)
-        done: Done = await self._perform(name, procedure)
-        self._check(done, CommandFailed, f"{name} failed")
 
     async def _perform(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
         self._require_connection()

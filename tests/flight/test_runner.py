@@ -45,17 +45,11 @@ class SlowLink:
     async def launch(self, in_the_way: Callable[[], str]) -> None:
         await self._do("launch")
 
-    async def hold(self, *, check_mode_first: bool) -> None:
-        await self._do("hold")
-
     async def follow_setpoints(self) -> None:
         await self._do("formation")
 
-    async def return_home(self, *, check_mode_first: bool) -> None:
-        await self._do("return")
-
-    async def land(self, *, check_mode_first: bool) -> None:
-        await self._do("land")
+    async def order(self, order: ev.FlightOrder, *, check_mode_first: bool) -> None:
+        await self._do(order)
 
     async def swap(self, plan: object) -> Swapped:
         await self._do("swap")

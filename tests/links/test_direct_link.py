@@ -11,6 +11,7 @@ from pymavlink import mavutil
 from scripted_copter import Copter
 from wire_bench import north_of_home
 
+from swarmctl.core.events import FlightOrder
 from swarmctl.links.base import (
     AddressChanged,
     LinkError,
@@ -71,7 +72,7 @@ def test_frames_go_to_the_vehicles_address_only_and_one_heartbeat_to_each():
             beats = [a for data, a in world.to_vehicles if data[7:10] == b"\0\0\0"]
             assert beats.count("fleet") == beats.count("third") == 10
             world.to_vehicles.clear()
-            await links[2].hold()
+            await links[2].order(FlightOrder.HOLD)
             assert {a for data, a in world.to_vehicles if data[7:10] != b"\0\0\0"} == {"third"}
 
     play(story())
@@ -88,7 +89,7 @@ def test_two_vehicles_with_one_system_id_on_one_endpoint_are_refused():
             with pytest.raises(TransportError, match=r"known: test"):
                 await world.front.open(Endpoint("memory", "other"))
             with pytest.raises(LinkError, match=r"\[not-connected\]"):
-                await world.link(2).hold()
+                await world.link(2).order(FlightOrder.HOLD)
 
     play(story())
 

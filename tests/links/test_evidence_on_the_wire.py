@@ -11,6 +11,7 @@ from link_world import World, play, until, uploaded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
 
+from swarmctl.core.events import FlightOrder
 from swarmctl.links.base import LaunchFailed
 
 LAUNCH_COMMANDS = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START)
@@ -61,7 +62,7 @@ def test_an_arming_command_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -
             assert not world.copters[1].armed
             assert "[evidence-ended]" in world.written.said[0]
             # A command that cannot arm a vehicle is still sent.
-            await link.return_home()
+            await link.order(FlightOrder.RETURN)
             assert world.copters[1].mode_name == "RTL"
 
     play(story())

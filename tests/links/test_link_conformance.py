@@ -12,7 +12,7 @@ from link_world import World, asked_of, connected, flying, play, until, uploaded
 from scripted_copter import Copter, Script
 from wire_bench import north_of_home
 
-from swarmctl.core.events import LinkLost, LinkRestored
+from swarmctl.core.events import FlightOrder, LinkLost, LinkRestored
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.links import LINKS
 from swarmctl.links.base import (
@@ -117,7 +117,7 @@ def test_an_order_interrupts_identify(kind):
             identifying = asyncio.create_task(link.identify(30))
             await asyncio.sleep(1)
             world.wire.connect_vehicles(world._to_vehicles)
-            await link.hold()
+            await link.order(FlightOrder.HOLD)
             with pytest.raises(LinkError, match=r"by hold \[interrupted\]"):
                 await identifying
 
@@ -205,7 +205,7 @@ def test_a_failed_swap_reports_the_mission_that_is_flown(kind):
             done = await link.swap(north_of_home(4, east=0.001))
             assert "DO_SET_MISSION_CURRENT" in done.failure
             assert done.flying == "hold"
-            await link.return_home()
+            await link.order(FlightOrder.RETURN)
             assert link.state().mode == "RTL"
             done = await link.swap(north_of_home(4, east=0.001))
             assert "RTL" in done.failure
@@ -224,10 +224,10 @@ def test_hold_interrupts_a_swap_and_other_calls_are_refused_as_busy(kind):
             with pytest.raises(Busy, match=r"upload .*swap"):
                 await link.upload(north_of_home(2))
             world.silent = False
-            await link.hold()
+            await link.order(FlightOrder.HOLD)
             assert link.state().mode == "GUIDED"
             assert (await swap).failure.endswith("by hold [interrupted]")
-            await link.land()
+            await link.order(FlightOrder.LAND)
             assert link.state().mode == "LAND"
 
     play(story(), real=kind != "direct")
@@ -275,7 +275,7 @@ def test_a_lost_vehicle_is_reported_with_its_age_and_restored_at_another_address
             world.address[1], world.silent = "elsewhere", False
             await until(lambda: any(isinstance(e, LinkRestored) for e in world.events))
             assert AddressChanged("elsewhere") in world.events
-            await link.hold()
+            await link.order(FlightOrder.HOLD)
 
     play(story(), real=kind != "direct")
 
@@ -284,8 +284,8 @@ def test_a_refused_operators_command_is_an_error(kind):
     async def story():
         async with World(Copter(1, Script(refuse_mode="RTL")), kind=kind) as world:
             link = await connected(world)
-            with pytest.raises(CommandFailed, match=r"return_home .*DO_SET_MODE: FAILED .*RTL failed"):
-                await link.return_home()
+            with pytest.raises(CommandFailed, match=r"return .*DO_SET_MODE: FAILED .*RTL failed"):
+                await link.order(FlightOrder.RETURN)
 
     play(story(), real=kind != "direct")
 
@@ -320,7 +320,7 @@ def test_a_lost_command_is_repeated_after_one_second(kind):
                 world._to_vehicles(data, address)
 
             world.wire.connect_vehicles(lossy)
-            await link.hold()
+            await link.order(FlightOrder.HOLD)
             assert sent[1] - sent[0] == pytest.approx(1.0, abs=0.3)
 
     play(story(), real=kind != "direct")

@@ -13,6 +13,7 @@ from link_world import HURRY, play, until
 from scripted_copter import Copter, Script
 from zenoh_nodes import free_port
 
+from swarmctl.core.events import FlightOrder
 from swarmctl.links import line
 from swarmctl.links.base import AddressChanged, NoAnswer, TransportError
 from swarmctl.links.direct import DirectLink
@@ -102,7 +103,7 @@ def test_udp_follows_a_reboot_to_another_port(monkeypatch):
             second = await udp_peer(copter, (HOST, here.port))
             async with playing(copter, second.send):
                 await until(lambda: any(isinstance(e, AddressChanged) for e in events))
-                await alpha.hold()
+                await alpha.order(FlightOrder.HOLD)
             port = second.transport.get_extra_info("sockname")[1]
             assert AddressChanged(f"{HOST}:{port}") in events
             second.transport.close()
@@ -191,7 +192,7 @@ def test_tcp_out_connects_to_a_late_vehicle_and_again_after_a_cut():
                 await alpha.connect(10)
                 writers[-1].close()
                 await until(lambda: len(writers) == 2)
-                await alpha.hold()
+                await alpha.order(FlightOrder.HOLD)
             server.close()
 
     play(story(), real=True)
@@ -238,7 +239,7 @@ def test_serial_works_through_a_pseudo_terminal_and_survives_its_end():
             alpha = link(front, device)
             async with playing(copter, lambda f: os.write(own_end, f)):
                 await alpha.connect(10)
-                await alpha.hold()
+                await alpha.order(FlightOrder.HOLD)
             loop.remove_reader(own_end)
             os.close(own_end)
             await until(lambda: front.trouble_on(device))

@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import MODES, Copter, Script
 from wire_bench import north_of_home
 
+from swarmctl.core.events import FlightOrder
 from swarmctl.links.base import CommandFailed, LinkError
 from swarmctl.links.url import Endpoint
 
@@ -45,7 +46,7 @@ def test_a_command_repeated_by_mavsdk_is_dropped_after_a_pilot_takeover():
 
             copter.on_command_long = taken_over
             with pytest.raises(CommandFailed, match="LOITER"):
-                await link.hold()
+                await link.order(FlightOrder.HOLD)
             modes = [m for m in sent_of(world, "COMMAND_LONG") if m.command == mavlink.MAV_CMD_DO_SET_MODE]
             assert len(modes) == 1
 
@@ -134,7 +135,7 @@ def test_closing_the_front_end_ends_mavsdk_with_calls_in_flight():
         async with world_of(Copter(1)) as world:
             link = await flying(world)
             world.silent = True
-            holding = asyncio.create_task(link.hold())
+            holding = asyncio.create_task(link.order(FlightOrder.HOLD))
             await until(lambda: sent_of(world, "COMMAND_LONG"))
         holding.cancel()
         await asyncio.wait([holding])

@@ -13,6 +13,7 @@ from flights import small
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario
+from swarmctl.core.events import FlightOrder
 from swarmctl.core.inference.sensor import PERFECT
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.records import replace
@@ -88,14 +89,8 @@ class StubLink:
     async def follow_setpoints(self) -> None:
         await self._do("follow_setpoints", CommandFailed)
 
-    async def hold(self) -> None:
-        await self._do("hold", CommandFailed)
-
-    async def return_home(self) -> None:
-        await self._do("return_home")
-
-    async def land(self) -> None:
-        await self._do("land")
+    async def order(self, order: FlightOrder, *, check_mode_first: bool) -> None:
+        await self._do(order, CommandFailed)
 
     def state(self) -> VehicleState:
         return VehicleState(lat_deg=self.where[0], lon_deg=self.where[1], alt_rel_m=0.0)

@@ -6,8 +6,11 @@ of speed ends with its acknowledgement. `launch` and `swap` have their own modul
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.events import FlightOrder
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.setpoint import STOP
 from swarmctl.core.vehicle import Landed
@@ -37,6 +40,7 @@ from swarmctl.mavlink.protocol.wait import RequestUntil, SendUntil, WaitUntil, c
 from swarmctl.mavlink.telemetry.vehicle_state import STILL_CLIMB_M_S, STILL_M_S
 
 __all__ = [
+    "ORDERS",
     "Done",
     "Swapped",
     "Uploaded",
@@ -172,6 +176,14 @@ def land(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
     if dialect.land_command is None:
         return (yield from _set_mode_urgently(ctx, dialect.land_mode, check_mode_first=check_mode_first))
     return Done((yield from land_by_mission(ctx, dialect.land_command, check_mode_first=check_mode_first)))
+
+
+ORDERS: Mapping[FlightOrder, Callable[..., Procedure[Done]]] = {
+    FlightOrder.HOLD: hold,
+    FlightOrder.RETURN: return_home,
+    FlightOrder.LAND: land,
+}
+"""orders that a vehicle gets in any state; the procedures have the parameters of `hold`"""
 
 
 def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
