@@ -14,9 +14,9 @@ import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.conversation import MavlinkPeer
-from swarmctl.mavlink.protocol.mission_transfer import MissionTransfer, result_name
+from swarmctl.mavlink.protocol.mission_transfer import result_name
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
+from swarmctl.mavlink.protocol.wait import Requests, SendUntil
 
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 
@@ -28,49 +28,35 @@ class RallyPoints(msgspec.Struct, frozen=True):
     failure: str = ""
 
 
-class CountRallyPoints(MissionTransfer[RallyPoints]):
-    """Request of the number of rally points, sent up to TRIES times.
-
-    `may_lack`: True if the answer "unsupported" means 0 points.
-    """
-
-    REPLIES = frozenset({"MISSION_COUNT", "MISSION_ACK"})
-    REPEAT_PERIOD_S = 1.0
-    TRIES = 12
-
-    def __init__(self, peer: MavlinkPeer, *, may_lack: bool) -> None:
-        super().__init__(peer, RALLY)
-        self._may_lack = may_lack
-        self._tries = 0
-        self._last_answer = "no answer"
-
-    def _begin(self, now: float) -> list[Message]:
-        return self._ask(now)
-
-    def _ask(self, now: float) -> list[Message]:
-        self._tries += 1
-        self.next_deadline = now + self.REPEAT_PERIOD_S
-        return [self._list_request()]
-
-    def _on_reply(self, message: Message, now: float) -> list[Message]:
-        if message.get_type() == "MISSION_COUNT":
-            self._finish(RallyPoints(int(message.count)))
-            return self._closing_messages(now)
-        if self._may_lack and message.type == mavlink.MAV_MISSION_UNSUPPORTED:
-            self._finish(RallyPoints(0))
-            return []
-        # Other refusals may be temporary: another station may be uploading rally points.
-        self._last_answer = result_name(int(message.type))
-        return []
-
-    def _on_deadline(self, now: float) -> list[Message]:
-        if self._tries < self.TRIES:
-            return self._ask(now)
-        self._finish(RallyPoints(None, f"no number after {self._tries} requests: {self._last_answer}"))
-        return self._closing_messages(now)
+TRIES = 12
+"""number of tries of the request"""
 
 
 def count_rally_points(ctx: Context) -> Procedure[RallyPoints]:
     """Request and return the number of rally points on the vehicle."""
-    counted: RallyPoints = yield CountRallyPoints(ctx.peer, may_lack=ctx.dialect.may_lack_rally)
-    return counted
+    to = (ctx.peer.sysid, ctx.peer.compid)
+
+    def answer_to(message: Message, _now: float) -> tuple[int, RallyPoints] | None:
+        kind = message.get_type()
+        if kind not in ("MISSION_COUNT", "MISSION_ACK") or message.mission_type != RALLY:
+            return None
+        if not ctx.peer.is_for_us(message):
+            return None
+        if kind == "MISSION_COUNT":
+            return RALLY, RallyPoints(int(message.count))
+        if ctx.dialect.may_lack_rally and message.type == mavlink.MAV_MISSION_UNSUPPORTED:
+            return RALLY, RallyPoints(0)
+        # Other refusals may be temporary: another station may be uploading rally points.
+        failure = f"no number after {TRIES} requests: {result_name(int(message.type))}"
+        return RALLY, RallyPoints(None, failure)
+
+    request = mavlink.MAVLink_mission_request_list_message(*to, mission_type=RALLY)
+    answers: dict[int, RallyPoints] = yield Requests(
+        {RALLY: request}, answer_to, lambda _key, found: found.count is not None, tries=TRIES
+    )
+    # The end of the transfer; otherwise PX4 would wait for the next request.
+    end = mavlink.MAVLink_mission_ack_message(
+        *to, mavlink.MAV_MISSION_OPERATION_CANCELLED, mission_type=RALLY
+    )
+    yield SendUntil(end, lambda: True, 0.0)
+    return answers.get(RALLY) or RallyPoints(None, f"no number after {TRIES} requests: no answer")
