@@ -68,6 +68,7 @@ class FlightEndpoints(msgspec.Struct, frozen=True):
 
     @property
     def text(self) -> str:
+        """Swarm and endpoint, for messages."""
         return f"{self.swarm} at {self.endpoint}"
 
 
@@ -209,7 +210,7 @@ class Receiver(msgspec.Struct, frozen=True):
     """The receiver of a request."""
 
     key: str
-    who: str
+    name: str
     """the receiver, for messages"""
     absent: str
     """message if no process serves the key"""
@@ -228,7 +229,7 @@ async def exchange(
 
     In a mesh any node may answer for any key, so only the receiver's signature counts. Raises NoValidAnswer.
     """
-    who = receiver.who
+    name = receiver.name
     try:
         payload = signing.sign(receiver.uav, receiver.key, request)
         answers = await bus.ask(receiver.key, payload, TIMEOUT_S)
@@ -236,7 +237,7 @@ async def exchange(
         raise NoValidAnswer(str(error), "refused") from None
     except TimeoutError:
         raise NoValidAnswer(
-            f"{who} did not answer within {TIMEOUT_S:g} s. The request may have had an effect; check the "
+            f"{name} did not answer within {TIMEOUT_S:g} s. The request may have had an effect; check the "
             "flight's table, or repeat the request [no-answer]"
         ) from None
     if not answers:
@@ -247,17 +248,17 @@ async def exchange(
             verified.append(signing.verify_answer(receiver.uav, receiver.key, payload, data))
     dropped = _dropped_text(len(answers) - len(verified))
     if not verified:
-        raise NoValidAnswer(f"{who} gives no valid answer: {dropped}")
+        raise NoValidAnswer(f"{name} gives no valid answer: {dropped}")
     if len(verified) > 1:
         raise NoValidAnswer(
-            f"{len(verified)} processes answer for {who}, so the result of the request is unknown; end all "
+            f"{len(verified)} processes answer for {name}, so the result of the request is unknown; end all "
             "processes but one, and check the remaining flight's table"
         )
     try:
         return decode(verified[0]), dropped
     except ValueError as error:
         raise NoValidAnswer(
-            f"{who} sent an invalid answer: {error}. The request may have had an effect; the receiver may "
+            f"{name} sent an invalid answer: {error}. The request may have had an effect; the receiver may "
             "run another version of this program"
         ) from error
 
