@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from link_world import WIRE, FleetWorld, connected, play, until
-from wire_bench import north_of_home
+from flying_bench import north_of_home
+from link_world import WIRE, World, connected, play, until
 
 from sim_vehicle.faults.spec import parse_fault
 from swarmctl.core.events import Rebooted
@@ -16,7 +16,7 @@ from swarmctl.links.base import AddressChanged, SystemIdConflict
 @pytest.mark.autopilots("1.1", "1.2", "1.18")
 def test_a_rebooted_vehicle_is_followed_to_its_new_port():
     async def story():
-        async with FleetWorld("ardupilot") as world:
+        async with World("ardupilot") as world:
             link = await connected(world)
             await link.prepare(60, lambda _: None)
             old = world.port(0)
@@ -42,7 +42,7 @@ def test_a_rebooted_vehicle_is_followed_to_its_new_port():
 @pytest.mark.autopilots("1.19", of="px4")
 def test_unknown_messages_create_no_vehicle_with_system_id_0():
     async def story():
-        async with FleetWorld("px4") as world:
+        async with World("px4") as world:
             link = await connected(world)
             await asyncio.sleep(30)
             assert world.front.systems_on(WIRE) == {1}
@@ -54,7 +54,7 @@ def test_unknown_messages_create_no_vehicle_with_system_id_0():
 @pytest.mark.autopilots("1.15", "1.18")
 def test_system_ids_distinguish_a_mixed_fleet_on_one_endpoint():
     async def story():
-        async with FleetWorld("ardupilot", "px4", "ardupilot") as world:
+        async with World("ardupilot", "px4", "ardupilot") as world:
             links = [world.link(sysid) for sysid in (1, 2, 3)]
             await asyncio.gather(*(link.connect(10) for link in links))
             await asyncio.gather(*(link.prepare(60, lambda _: None) for link in links))

@@ -6,10 +6,10 @@ import asyncio
 from pathlib import Path
 
 import pytest
+from flying_bench import north_of_home
 from link_world import BEGAN_US, World, connected, flying, play
 from pymavlink import mavutil
-from scripted_copter import Copter
-from wire_bench import north_of_home
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.events import FlightOrder
 from swarmctl.links.base import (
@@ -21,22 +21,20 @@ from swarmctl.links.base import (
 from swarmctl.links.url import Endpoint
 
 
-async def sends_for_3_s(copter: Copter, world: World, address: str) -> None:
-    """Let another copter send from an address of its own on the wire of the world."""
+async def lands_for_3_s(world: World, component: int, address: str) -> None:
+    """Let a component with the vehicle's system id report LAND from an address of its own."""
+    codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=component)
     for _ in range(30):
         await asyncio.sleep(0.1)
-        for frame in copter.step(asyncio.get_running_loop().time()):
-            world.wire.from_vehicle(frame, address)
+        heartbeat = mavlink.MAVLink_heartbeat_message(2, 3, 81, 9, 3, 3)
+        world.wire.from_vehicle(bytes(heartbeat.pack(codec)), address)
 
 
 def test_two_vehicles_with_one_system_id_are_a_conflict_and_the_second_is_ignored():
     async def story():
-        world = World(Copter(1))
-        async with world:
+        async with World() as world:
             link = await connected(world)
-            double = Copter(1)
-            double.mode = 9
-            await sends_for_3_s(double, world, "impostor")
+            await lands_for_3_s(world, 1, "impostor")
             assert world.events.count(SystemIdConflict("impostor")) == 1
             assert link.state().mode == "STABILIZE"
 
@@ -45,14 +43,11 @@ def test_two_vehicles_with_one_system_id_are_a_conflict_and_the_second_is_ignore
 
 def test_a_companion_with_the_vehicles_system_id_does_not_change_the_address():
     async def story():
-        async with World(Copter(1)) as world:
+        async with World() as world:
             link = await connected(world)
-            companion = Copter(1)
-            companion.mav.srcComponent = 191
-            companion.mode = 9
             world.silent = True
             await asyncio.sleep(3)
-            await sends_for_3_s(companion, world, "companion")
+            await lands_for_3_s(world, 191, "companion")
             assert link.state().mode == "STABILIZE"
             assert link.age_s() > 5.0
             assert not any(isinstance(e, AddressChanged | SystemIdConflict) for e in world.events)
@@ -62,8 +57,8 @@ def test_a_companion_with_the_vehicles_system_id_does_not_change_the_address():
 
 def test_frames_go_to_the_vehicles_address_only_and_one_heartbeat_to_each():
     async def story():
-        world = World(Copter(1), Copter(2), Copter(3))
-        world.address[3] = "third"
+        world = World(*["ardupilot"] * 3)
+        world.address = {1: "fleet", 2: "fleet", 3: "third"}
         async with world:
             links = [world.link(i, f"v{i}") for i in (1, 2, 3)]
             await asyncio.gather(*(link.connect(10) for link in links))
@@ -80,7 +75,7 @@ def test_frames_go_to_the_vehicles_address_only_and_one_heartbeat_to_each():
 
 def test_two_vehicles_with_one_system_id_on_one_endpoint_are_refused():
     async def story():
-        async with World(Copter(1)) as world:
+        async with World() as world:
             await world.link().connect(10)
             with pytest.raises(LinkError, match=r"beta: .*\b1\b.*\[system-id-twice\]"):
                 await world.link(1, "beta").connect(10)
@@ -99,7 +94,7 @@ def test_equal_runs_send_equal_bytes():
         sent = []
 
         async def story():
-            async with World(Copter(1)) as world:
+            async with World() as world:
                 link = await flying(world)
                 await link.swap(north_of_home(5, east=0.001))
                 sent.extend(world.to_vehicles)
@@ -114,7 +109,7 @@ def test_the_tlog_is_read_by_pymavlink_with_both_directions(tmp_path):
     path = tmp_path / "alpha.tlog"
 
     async def story():
-        async with World(Copter(1), tlog=path) as world:
+        async with World(tlog=path) as world:
             link = await connected(world)
             await link.upload(north_of_home(2))
             await asyncio.sleep(2)
@@ -137,7 +132,7 @@ def test_the_tlog_is_read_by_pymavlink_with_both_directions(tmp_path):
 @pytest.mark.parametrize("path", ["/dev/full", "/no/such/folder/alpha.tlog"])
 def test_an_unwritable_tlog_is_reported_once_and_the_link_stays(path):
     async def story():
-        async with World(Copter(1), tlog=Path(path)) as world:
+        async with World(tlog=Path(path)) as world:
             link = await connected(world)
             await link.upload(north_of_home(2))
             await asyncio.sleep(10)
@@ -154,13 +149,13 @@ def test_received_frames_are_on_disk_within_two_seconds(tmp_path):
     path = tmp_path / "alpha.tlog"
 
     async def story():
-        async with World(Copter(1), tlog=path) as world:
+        async with World(tlog=path) as world:
             await connected(world)
             await asyncio.sleep(10)
             world.silent = True
             await asyncio.sleep(1.1)
             logged = path.read_bytes()
-            world.copters[1].text(4, "the last words")
+            world.vehicles[1].send_text(4, "the last words")
             world.silent = False
             await asyncio.sleep(1.1)
             assert b"the last words" not in logged
@@ -175,7 +170,7 @@ def test_a_closed_front_end_sends_nothing_and_leaves_no_timers():
     async def story():
         failures: list[dict] = []
         asyncio.get_running_loop().set_exception_handler(lambda _loop, context: failures.append(context))
-        world = World(Copter(1))
+        world = World()
         async with world:
             link = await connected(world)
             await link.prepare(30, lambda _: None)

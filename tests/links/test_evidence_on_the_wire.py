@@ -9,7 +9,6 @@ import pytest
 from evidence_files import ARM, HOLD, Written
 from link_world import World, play, until, uploaded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from scripted_copter import Copter
 
 from swarmctl.core.events import FlightOrder
 from swarmctl.links.base import LaunchFailed
@@ -22,7 +21,7 @@ class EvidenceWorld(World):
 
     def __init__(self, folder: Path) -> None:
         self.written = Written(folder, asyncio.get_running_loop().time)
-        super().__init__(Copter(1), evidence=self.written.evidence)
+        super().__init__(evidence=self.written.evidence)
 
     async def __aexit__(self, *error: object) -> None:
         await super().__aexit__(*error)
@@ -34,7 +33,7 @@ class EvidenceWorld(World):
         return ""
 
     def launch_commands(self) -> list[int]:
-        return [number for number, _ in self.copters[1].commands if number in LAUNCH_COMMANDS]
+        return [m.command for m in self.sent("COMMAND_LONG") if m.command in LAUNCH_COMMANDS]
 
 
 def test_a_launch_whose_earlier_evidence_is_not_on_disk_sends_nothing(tmp_path: Path) -> None:
@@ -42,10 +41,10 @@ def test_a_launch_whose_earlier_evidence_is_not_on_disk_sends_nothing(tmp_path: 
         async with EvidenceWorld(tmp_path) as world:
             link = await uploaded(world, 2)
             world.disk_is_full()
-            before = len(world.copters[1].commands)
+            before = len(world.sent("COMMAND_LONG"))
             with pytest.raises(LaunchFailed, match=world.written.file.name):
                 await link.launch()
-            assert world.copters[1].commands[before:] == []
+            assert world.sent("COMMAND_LONG")[before:] == []
 
     play(story())
 
@@ -59,11 +58,11 @@ def test_an_arming_command_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -
             with pytest.raises(LaunchFailed, match=r"\[no-arming\]"):
                 await link.launch(world.disk_is_full)
             assert world.launch_commands() == []
-            assert not world.copters[1].armed
+            assert not world.vehicles[1].armed
             assert "[evidence-ended]" in world.written.said[0]
             # A command that cannot arm a vehicle is still sent.
             await link.order(FlightOrder.RETURN)
-            assert world.copters[1].mode_name == "RTL"
+            assert world.vehicles[1].mode.name == "RTL"
 
     play(story())
 
@@ -77,7 +76,7 @@ def test_an_arming_command_of_another_station_that_cannot_be_recorded_is_not_sen
             world.disk_is_full()
             world.watching.say(ARM)
             world.watching.say(HOLD)
-            await until(lambda: world.copters[1].mode_name == "GUIDED", 5)
+            await until(lambda: world.vehicles[1].mode.name == "GUIDED", 5)
             assert world.launch_commands() == []
 
     play(story())

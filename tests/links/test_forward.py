@@ -11,7 +11,6 @@ from evidence_files import DISARM, HOLD
 from link_world import HURRY, WIRE, World, connected, play, until
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from scripted_copter import Copter
 
 from swarmctl.links.base import LinkError
 from swarmctl.links.frontend import FrontEnd
@@ -36,11 +35,11 @@ class SentRecorder:
 
 
 class WatchedWorld(World):
-    """Copters, links to them, and a station that receives forwarded frames."""
+    """Vehicles, links to them, and a station that receives forwarded frames."""
 
-    def __init__(self, *copters: Copter, commands: bool = False) -> None:
+    def __init__(self, *personalities: str, commands: bool = False) -> None:
         self.recorder = SentRecorder()
-        super().__init__(*copters, evidence=self.recorder)
+        super().__init__(*personalities, evidence=self.recorder)
         self._commands = commands
 
     async def __aenter__(self) -> WatchedWorld:
@@ -51,7 +50,7 @@ class WatchedWorld(World):
 
 def test_a_watching_station_receives_all_messages_from_and_to_the_vehicles() -> None:
     async def story() -> None:
-        async with WatchedWorld(Copter(1), Copter(2)) as world:
+        async with WatchedWorld("ardupilot", "ardupilot") as world:
             links = [world.link(1), world.link(2, "beta")]
             for link in links:
                 await link.connect(10)
@@ -81,7 +80,7 @@ def test_mavutil_receives_all_vehicles_over_udp() -> None:
         return {("HEARTBEAT", 1), ("HEARTBEAT", 2), ("HEARTBEAT", 255), ("AUTOPILOT_VERSION", 2)} <= systems
 
     async def story() -> None:
-        world = World(Copter(1), Copter(2))
+        world = World("ardupilot", "ardupilot")
         world.pace = HURRY
         async with world:
             await world.front.forward(parse_url(f"udpout:127.0.0.1:{port}"))
@@ -101,7 +100,7 @@ def test_frames_are_forwarded_unchanged() -> None:
         signed = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         signed.signing.secret_key, signed.signing.sign_outgoing = bytes(32), True
         frames = [bytes(mavlink.MAVLink_system_time_message(i, i).pack(signed)) for i in range(3)]
-        async with WatchedWorld(Copter(1)) as world:
+        async with WatchedWorld() as world:
             await world.front.open(WIRE)
             world.wire.from_vehicle(frames[0] + frames[1][:5], "fleet")
             world.wire.from_vehicle(frames[1][5:] + frames[2], "fleet")
@@ -113,13 +112,11 @@ def test_frames_are_forwarded_unchanged() -> None:
 
 def test_frames_of_a_watching_station_reach_no_vehicle() -> None:
     async def story() -> None:
-        copter = Copter(1)
-        async with WatchedWorld(copter) as world:
+        async with WatchedWorld() as world:
             await world.link().connect(10)
-            before = len(copter.commands)
             world.watching.say(HOLD)
             await asyncio.sleep(5)
-            assert [c for c in copter.commands[before:] if c[0] == 176] == []
+            assert world.sent("COMMAND_LONG", HOLD.command) == []
             assert all(not by for _, _, by in world.recorder.sent)
 
     play(story())
@@ -127,14 +124,13 @@ def test_frames_of_a_watching_station_reach_no_vehicle() -> None:
 
 def test_a_permitted_command_of_another_station_arrives_and_is_recorded_under_its_name() -> None:
     async def story() -> None:
-        copters = Copter(1), Copter(2)
-        async with WatchedWorld(*copters, commands=True) as world:
+        async with WatchedWorld("ardupilot", "ardupilot", commands=True) as world:
             await world.link(1).connect(10)
             await world.link(2, "beta").connect(10)
             await asyncio.sleep(5)
             world.watching.say(HOLD)
-            await until(lambda: copters[0].mode_name == "GUIDED", 5)
-            assert copters[1].mode_name == "STABILIZE"
+            await until(lambda: world.vehicles[1].mode.name == "GUIDED", 5)
+            assert world.vehicles[2].mode.name == "STABILIZE"
             assert (1, "COMMAND_LONG", "station 252 at memory:watcher") in world.recorder.sent
             acks = [m for m in world.watching.received() if m.get_type() == "COMMAND_ACK"]
             assert any(m.command == 176 for m in acks)
@@ -149,14 +145,14 @@ def test_a_forced_arming_or_disarming_of_another_station_is_never_passed_on(arms
     rest = (arms, code, 0, 0, 0, 0, 0)
 
     async def story() -> None:
-        async with WatchedWorld(Copter(1), commands=True) as world:
+        async with WatchedWorld(commands=True) as world:
             await world.link(1).connect(10)
             await asyncio.sleep(5)
             world.watching.say(mavlink.MAVLink_command_long_message(1, 1, 400, 0, *rest))
             world.watching.say(mavlink.MAVLink_command_int_message(0, 0, 0, 400, 0, 0, *rest))
             world.watching.say(HOLD)
-            await until(lambda: world.copters[1].mode_name == "GUIDED", 5)
-            assert 400 not in [command for command, _ in world.copters[1].commands]
+            await until(lambda: world.vehicles[1].mode.name == "GUIDED", 5)
+            assert world.sent("COMMAND_LONG", 400) == world.sent("COMMAND_INT", 400) == []
             (line,) = world.said
             assert line.startswith("station 252 at memory:watcher ")
             assert line.endswith("[forced]")
@@ -167,11 +163,11 @@ def test_a_forced_arming_or_disarming_of_another_station_is_never_passed_on(arms
 
 def test_a_plain_disarming_of_another_station_is_passed_on() -> None:
     async def story() -> None:
-        async with WatchedWorld(Copter(1), commands=True) as world:
+        async with WatchedWorld(commands=True) as world:
             await world.link(1).connect(10)
             await asyncio.sleep(5)
             world.watching.say(DISARM)
-            await until(lambda: 400 in [command for command, _ in world.copters[1].commands], 5)
+            await until(lambda: world.sent("COMMAND_LONG", 400), 5)
             assert world.said == []
 
     play(story())
@@ -200,21 +196,20 @@ def test_only_the_target_of_an_outgoing_endpoint_may_command() -> None:
         return made
 
     async def story(target_socket: socket.socket, other_socket: socket.socket) -> None:
-        world = World(Copter(1))
+        world = World()
         async with world:
             target = Endpoint("udpout", "127.0.0.1", target_socket.getsockname()[1])
             await world.front.forward(target, commands=True)
             await connected(world)
             async with asyncio.timeout(10):
                 _, ours = await asyncio.get_running_loop().sock_recvfrom(target_socket, 2048)
-            commands = world.copters[1].commands
             station = mavlink.MAVLink(None, srcSystem=252, srcComponent=190)
             for sender, marker in ((other_socket, 3.0), (target_socket, 4.0)):
                 params = (marker, 0, 0, 0, 0, 0, 0)
                 command = mavlink.MAVLink_command_long_message(1, 1, 520, 0, *params)
                 sender.sendto(bytes(command.pack(station)), ("127.0.0.1", ours[1]))
-            await until(lambda: any(c == 520 for c, _ in commands), 10)
-            assert [params[0] for c, params in commands if c == 520] == [4.0]
+            await until(lambda: world.sent("COMMAND_LONG", 520), 10)
+            assert [m.param1 for m in world.sent("COMMAND_LONG", 520)] == [4.0]
 
     with udp() as target_socket, udp() as other_socket:
         asyncio.run(story(target_socket, other_socket))

@@ -8,10 +8,13 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from link_world import World, asked_of, connected, flying, play, until, uploaded
-from scripted_copter import Copter, Script
-from wire_bench import north_of_home
+from flying_bench import north_of_home
+from link_world import World, connected, flying, play, until, uploaded
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from simulated_answers import identify_as, refuse
 
+from sim_vehicle.faults.spec import parse_fault
+from sim_vehicle.vehicle.mission import Item
 from swarmctl.core.events import FlightOrder, LinkLost, LinkRestored
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.links import LINKS
@@ -32,6 +35,15 @@ from swarmctl.mavlink.procedures.rally import RallyPoints, count_rally_points
 from swarmctl.mavlink.protocol.outcome import Done
 
 REAL = {"mavsdk"}
+ARM, START, SET_CURRENT, SET_MODE, FENCE = (
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
+    mavlink.MAV_CMD_MISSION_START,
+    mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
+    mavlink.MAV_CMD_DO_SET_MODE,
+    mavlink.MAV_CMD_DO_FENCE_ENABLE,
+)
+AUTOPILOT_VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+REFUSED_ITEM = parse_fault("mission_refused:result=invalid,at_item=2")
 EAST = SetPoint((4.0, 0.0, 0.0))
 
 
@@ -54,8 +66,7 @@ def kind(request) -> str:
 @EVERY_LINK
 def test_a_whole_flight_with_a_swap(kind):
     async def story():
-        copter = Copter(1)
-        async with World(copter, kind=kind) as world:
+        async with World(kind=kind) as world:
             link = world.link()
             identity = await link.connect(10)
             assert (identity.sysid, identity.firmware, identity.simulated) == (1, "ArduPilot 4.6.2", True)
@@ -70,7 +81,7 @@ def test_a_whole_flight_with_a_swap(kind):
             await link.swap(north_of_home(6, east=0.002))
             assert [i.command for i in link.items()] == [16, 22, *[16] * 8, 21, *[16] * 6, 21]
             assert link.items()[11].y == round(14.508 * 1e7), "the new route is not appended to the old one"
-            await until(lambda: not copter.armed, 200)
+            await until(lambda: not world.vehicles[1].armed, 200)
             assert 0.0 <= link.age_s() <= 1.1
             done = [e.name for e in world.events if isinstance(e, ProcedureDone)]
             assert done == ["identify", "prepare for arming", "upload", "launch", "swap"]
@@ -81,25 +92,28 @@ def test_a_whole_flight_with_a_swap(kind):
 
 def test_a_newly_connected_vehicle_gets_an_identity_request_only(kind):
     async def story():
-        async with World(Copter(1), kind=kind) as world:
+        async with World(kind=kind) as world:
             link = await connected(world)
             await asyncio.sleep(max(20 / world.pace, 2.0))
-            assert asked_of(world) == {("COMMAND_LONG", 148.0)}
-            assert world.copters[1].streams == {}
+            assert {m.param1 for m in world.sent("COMMAND_LONG")} == {AUTOPILOT_VERSION}
+            assert {data[7:10] for data, _ in world.to_vehicles} == {b"\0\0\0", b"\x4c\0\0"}, (
+                "nothing but heartbeats"
+            )
             await link.prepare(30, lambda _: None)
-            assert set(world.copters[1].streams) == {33, 1, 193, 245, 42, 242}
+            streams = world.sent("COMMAND_LONG", mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
+            assert {m.param1 for m in streams if m.param2 > 0} == {33, 1, 193, 245, 42, 242}
 
     play(story(), real=kind != "direct")
 
 
 def test_identify_detects_another_vehicle(kind):
     async def story():
-        async with World(Copter(1), kind=kind) as world:
+        async with World(kind=kind) as world:
             link = world.link()
             with pytest.raises(NoAnswer, match=r"\[no-heartbeat\]"):
                 await link.identify(1)
             assert (await link.connect(10)).simulated
-            world.copters[1].uid2 = b"an aircraft"
+            identify_as(world.vehicles[1], uid2=b"an aircraft")
             again = await link.identify(5)
             assert not again.simulated
             world.silent = True
@@ -111,12 +125,12 @@ def test_identify_detects_another_vehicle(kind):
 
 def test_an_order_interrupts_identify(kind):
     async def story():
-        async with World(Copter(1), kind=kind) as world:
+        async with World(kind=kind) as world:
             link = await connected(world)
             world.wire.connect_vehicles(lambda data, address: None)
             identifying = asyncio.create_task(link.identify(30))
             await asyncio.sleep(1)
-            world.wire.connect_vehicles(world._to_vehicles)
+            world.wire.connect_vehicles(world.to_fleet)
             await link.order(FlightOrder.HOLD)
             with pytest.raises(LinkError, match=r"by hold \[interrupted\]"):
                 await identifying
@@ -126,7 +140,7 @@ def test_an_order_interrupts_identify(kind):
 
 def test_no_answer_names_vehicle_endpoint_time_and_other_systems(kind):
     async def story():
-        async with World(Copter(3), Copter(4), kind=kind) as world:
+        async with World("ardupilot", "ardupilot", first=3, kind=kind) as world:
             with pytest.raises(NoAnswer) as caught:
                 await world.link(1).connect(3)
             for part in ("alpha", "system 1", "memory:test", " 3 s", " 3, 4"):
@@ -137,7 +151,8 @@ def test_no_answer_names_vehicle_endpoint_time_and_other_systems(kind):
 
 def test_an_unsupported_vehicle_is_refused_by_name(kind):
     async def story():
-        async with World(Copter(1, autopilot=17), kind=kind) as world:
+        async with World(kind=kind) as world:
+            world.fleet.status.autopilot[0] = 17
             with pytest.raises(UnsupportedVehicle, match="alpha "):
                 await world.link().connect(3)
 
@@ -146,7 +161,7 @@ def test_an_unsupported_vehicle_is_refused_by_name(kind):
 
 def test_a_vehicle_that_is_not_ready_is_reported_with_its_last_reasons(kind):
     async def story():
-        async with World(Copter(1, Script(ready_at_s=1e9)), kind=kind) as world:
+        async with World(ready_s=1e9, kind=kind) as world:
             link = await connected(world)
             reported: list[tuple[str, ...]] = []
             with pytest.raises(NotReady) as caught:
@@ -159,18 +174,24 @@ def test_a_vehicle_that_is_not_ready_is_reported_with_its_last_reasons(kind):
 
 
 @pytest.mark.parametrize(
-    ("script", "error", "part"),
+    ("spoil", "error", "part"),
     [
-        (Script(refuse_item=2, refusals_left=9), UploadFailed, "INVALID"),
-        (Script(refuse_arming="Battery low"), LaunchFailed, "Battery low"),
+        (
+            lambda world: world.fleet.inject(
+                parse_fault("mission_refused:result=invalid,at_item=2"), world.now_s()
+            ),
+            UploadFailed,
+            "INVALID",
+        ),
+        (lambda world: refuse(world.vehicles[1], ARM, text="Arm: Battery low"), LaunchFailed, "Battery low"),
     ],
 )
-def test_failures_name_the_vehicle_the_url_and_its_reason(kind, script, error, part):
+def test_failures_name_the_vehicle_the_url_and_its_reason(kind, spoil, error, part):
     async def story():
-        async with World(Copter(1), kind=kind) as world:
+        async with World(kind=kind) as world:
             link = await connected(world)
             await link.prepare(30, lambda _: None)
-            world.copters[1].script = script
+            spoil(world)
 
             async def upload_and_launch() -> None:
                 await link.upload(north_of_home(3))
@@ -184,14 +205,14 @@ def test_failures_name_the_vehicle_the_url_and_its_reason(kind, script, error, p
 
 def test_a_blocked_launch_does_not_arm(kind):
     async def story():
-        async with World(Copter(1), kind=kind) as world:
+        async with World(kind=kind) as world:
             link = await uploaded(world, 3)
             with pytest.raises(LaunchBlockedError, match=r"alpha .* vehicle 7") as caught:
                 await link.launch(lambda: "vehicle 7")
             assert (caught.value.why, caught.value.was_armed) == ("vehicle 7", False)
-            assert not {command for command, _ in world.copters[1].commands} & {300, 400}
+            assert not {m.command for m in world.sent("COMMAND_LONG")} & {START, ARM}
             await link.launch()
-            assert world.copters[1].armed
+            assert world.vehicles[1].armed
 
     play(story(), real=kind != "direct")
 
@@ -199,9 +220,9 @@ def test_a_blocked_launch_does_not_arm(kind):
 @EVERY_LINK
 def test_a_failed_swap_reports_the_mission_that_is_flown(kind):
     async def story():
-        async with World(Copter(1), kind=kind) as world:
+        async with World(kind=kind) as world:
             link = await flying(world)
-            world.copters[1].script = Script(refuse_set_current=True)
+            refuse(world.vehicles[1], SET_CURRENT, mavlink.MAV_RESULT_DENIED)
             done = await link.swap(north_of_home(4, east=0.001))
             assert "DO_SET_MISSION_CURRENT" in done.failure
             assert done.flying == "hold"
@@ -216,7 +237,7 @@ def test_a_failed_swap_reports_the_mission_that_is_flown(kind):
 
 def test_hold_interrupts_a_swap_and_other_calls_are_refused_as_busy(kind):
     async def story():
-        async with World(Copter(1), kind=kind) as world:
+        async with World(kind=kind) as world:
             link = await flying(world)
             world.silent = True
             swap = asyncio.create_task(link.swap(north_of_home(6, east=0.002)))
@@ -235,19 +256,18 @@ def test_hold_interrupts_a_swap_and_other_calls_are_refused_as_busy(kind):
 
 def test_a_cancelled_upload_is_cancelled_on_the_vehicle(kind):
     async def story():
-        copter = Copter(1)
-        async with World(copter, kind=kind) as world:
+        async with World(kind=kind) as world:
             link = await connected(world)
-            copter.on_mission_item_int = lambda m: None
+            world.loses = lambda frame: frame[7:10] in (b"\x28\0\0", b"\x33\0\0")  # requests for items
             upload = asyncio.create_task(link.upload(north_of_home(3)))
-            await until(lambda: copter.transfer is not None)
+            await until(lambda: world.sent("MISSION_COUNT"))
             upload.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await upload
             await asyncio.sleep(0.1)
-            assert copter.acks_received == [15]
+            assert [m.type for m in world.sent("MISSION_ACK")] == [mavlink.MAV_MISSION_OPERATION_CANCELLED]
             assert ProcedureDone("upload", Done("cancelled")) in world.events
-            del copter.on_mission_item_int
+            world.loses = lambda frame: False
             await link.upload(north_of_home(3))
 
     play(story(), real=kind != "direct")
@@ -255,7 +275,9 @@ def test_a_cancelled_upload_is_cancelled_on_the_vehicle(kind):
 
 def test_a_procedure_on_the_ground_returns_its_result(kind):
     async def story():
-        async with World(Copter(1, Script(rally_points=2)), kind=kind) as world:
+        async with World(kind=kind) as world:
+            points = [Item(mavlink.MAV_CMD_NAV_RALLY_POINT, x=460_490_000 + n, y=145_060_000) for n in (0, 1)]
+            world.vehicles[1].home_and_rally.rally.replace(points)
             link = world.link()
             with pytest.raises(LinkError, match=r"\[not-connected\]"):
                 await link.ask("rally points", count_rally_points)
@@ -267,7 +289,7 @@ def test_a_procedure_on_the_ground_returns_its_result(kind):
 
 def test_a_lost_vehicle_is_reported_with_its_age_and_restored_at_another_address(kind):
     async def story():
-        async with World(Copter(1), kind=kind) as world:
+        async with World(kind=kind) as world:
             link = await connected(world)
             world.silent = True
             await until(lambda: any(isinstance(e, LinkLost) for e in world.events))
@@ -282,7 +304,8 @@ def test_a_lost_vehicle_is_reported_with_its_age_and_restored_at_another_address
 
 def test_a_refused_operators_command_is_an_error(kind):
     async def story():
-        async with World(Copter(1, Script(refuse_mode="RTL")), kind=kind) as world:
+        async with World(kind=kind) as world:
+            refuse(world.vehicles[1], SET_MODE, text="Mode change to RTL failed")
             link = await connected(world)
             with pytest.raises(CommandFailed, match=r"return .*DO_SET_MODE: FAILED .*RTL failed"):
                 await link.order(FlightOrder.RETURN)
@@ -292,7 +315,7 @@ def test_a_refused_operators_command_is_an_error(kind):
 
 def test_a_closed_link_ends_its_procedures_and_can_be_reopened(kind):
     async def story():
-        async with World(Copter(1, Script(ready_at_s=1e9)), kind=kind) as world:
+        async with World(ready_s=1e9, kind=kind) as world:
             link = await connected(world)
             waiting = asyncio.create_task(link.prepare(100, lambda _: None))
             await asyncio.sleep(1)
@@ -307,7 +330,7 @@ def test_a_closed_link_ends_its_procedures_and_can_be_reopened(kind):
 
 def test_a_lost_command_is_repeated_after_one_second(kind):
     async def story():
-        async with World(Copter(1), kind=kind) as world:
+        async with World(kind=kind) as world:
             link = await connected(world)
             await asyncio.sleep(10 / world.pace)
             sent, loop = [], asyncio.get_running_loop()
@@ -317,7 +340,7 @@ def test_a_lost_command_is_repeated_after_one_second(kind):
                     sent.append(loop.time())
                     if len(sent) == 1:
                         return
-                world._to_vehicles(data, address)
+                world.to_fleet(data, address)
 
             world.wire.connect_vehicles(lossy)
             await link.order(FlightOrder.HOLD)
@@ -328,8 +351,7 @@ def test_a_lost_command_is_repeated_after_one_second(kind):
 
 def test_set_points_are_sent_before_and_during_the_call_that_follows_them(kind):
     async def story():
-        copter = Copter(1)
-        async with World(copter, kind=kind) as world:
+        async with World(kind=kind) as world:
             link = world.link()
             assert not link.send_setpoint(EAST)
             with pytest.raises(LinkError):

@@ -9,8 +9,7 @@ import socket
 import tty
 
 import pytest
-from link_world import HURRY, play, until
-from scripted_copter import Copter, Script
+from link_world import HURRY, fleet_of, play, until
 from zenoh_nodes import free_port
 
 from swarmctl.core.events import FlightOrder
@@ -22,42 +21,47 @@ from swarmctl.links.url import Endpoint
 
 pytestmark = pytest.mark.interop
 HOST = "127.0.0.1"
-BOOTED = Script(boot_s=0.0)
 
 
-def copter_s() -> float:
-    """Return the copters' time, which runs faster than the machine's [s]."""
-    return HURRY * asyncio.get_running_loop().time()
+class FastCopter:
+    """A simulated copter whose time runs faster than the machine's clock."""
+
+    def __init__(self) -> None:
+        self.fleet = fleet_of("ardupilot")
+        self._began_s = asyncio.get_running_loop().time()
+
+    def now_s(self) -> float:
+        return HURRY * (asyncio.get_running_loop().time() - self._began_s)
+
+    def receive(self, data: bytes) -> list[bytes]:
+        return [frame for _, frame in self.fleet.receive(data, self.now_s(), peer="station")]
+
+    @contextlib.asynccontextmanager
+    async def playing(self, send):
+        """Pass the copter's bytes to `send` during the block."""
+        task = asyncio.create_task(self._pump(send))
+        try:
+            yield
+        finally:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+    async def _pump(self, send) -> None:
+        while True:
+            for _, frame in self.fleet.step(self.now_s()):
+                send(frame)
+            await asyncio.sleep(0.02)
 
 
 def front_end() -> FrontEnd:
     return FrontEnd(wall_time_us=lambda: 0)
 
 
-async def pump(copter: Copter, send) -> None:
-    """Run a copter and pass its bytes to `send`."""
-    while True:
-        for frame in copter.step(copter_s()):
-            send(frame)
-        await asyncio.sleep(0.02)
-
-
-@contextlib.asynccontextmanager
-async def playing(copter: Copter, send):
-    copter.boot(copter_s())
-    task = asyncio.create_task(pump(copter, send))
-    try:
-        yield
-    finally:
-        task.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await task
-
-
 class CopterSocket(asyncio.DatagramProtocol):
     """A copter behind its own UDP socket."""
 
-    def __init__(self, copter: Copter, to=None) -> None:
+    def __init__(self, copter: FastCopter, to=None) -> None:
         self.copter, self.to = copter, to
 
     def connection_made(self, transport) -> None:
@@ -65,7 +69,7 @@ class CopterSocket(asyncio.DatagramProtocol):
 
     def datagram_received(self, data, addr) -> None:
         self.to = self.to or addr
-        for frame in self.copter.receive(data, copter_s()):
+        for frame in self.copter.receive(data):
             self.send(frame)
 
     def send(self, frame: bytes) -> None:
@@ -73,7 +77,7 @@ class CopterSocket(asyncio.DatagramProtocol):
             self.transport.sendto(frame, self.to)
 
 
-async def udp_peer(copter: Copter, to=None, port: int = 0) -> CopterSocket:
+async def udp_peer(copter: FastCopter, to=None, port: int = 0) -> CopterSocket:
     loop = asyncio.get_running_loop()
     _, peer = await loop.create_datagram_endpoint(lambda: CopterSocket(copter, to), local_addr=(HOST, port))
     return peer
@@ -94,14 +98,14 @@ def test_udp_follows_a_reboot_to_another_port(monkeypatch):
         async with front_end() as front:
             events: list = []
             alpha = link(front, here, events)
-            copter = Copter(1, BOOTED)
+            copter = FastCopter()
             await front.open(here)
             first = await udp_peer(copter, (HOST, here.port))
-            async with playing(copter, first.send):
+            async with copter.playing(first.send):
                 assert (await alpha.connect(10)).simulated
             first.transport.close()
             second = await udp_peer(copter, (HOST, here.port))
-            async with playing(copter, second.send):
+            async with copter.playing(second.send):
                 await until(lambda: any(isinstance(e, AddressChanged) for e in events))
                 await alpha.order(FlightOrder.HOLD)
             port = second.transport.get_extra_info("sockname")[1]
@@ -113,9 +117,9 @@ def test_udp_follows_a_reboot_to_another_port(monkeypatch):
 
 def test_udpout_sends_the_first_packet():
     async def story():
-        copter, port = Copter(1, BOOTED), free_port()
+        copter, port = FastCopter(), free_port()
         peer = await udp_peer(copter, port=port)
-        async with front_end() as front, playing(copter, peer.send):
+        async with front_end() as front, copter.playing(peer.send):
             await link(front, Endpoint("udpout", HOST, port)).connect(10)
         peer.transport.close()
 
@@ -165,13 +169,13 @@ def test_an_impossible_address_is_a_clear_error(endpoint):
     play(story(), real=True)
 
 
-async def serve_tcp(copter: Copter, port: int):
+async def serve_tcp(copter: FastCopter, port: int):
     writers = []
 
     async def client(reader, writer):
         writers.append(writer)
         while data := await reader.read(4096):
-            for frame in copter.receive(data, copter_s()):
+            for frame in copter.receive(data):
                 writer.write(frame)
         writer.close()
 
@@ -181,14 +185,14 @@ async def serve_tcp(copter: Copter, port: int):
 @pytest.mark.autopilots("1.18")
 def test_tcp_out_connects_to_a_late_vehicle_and_again_after_a_cut():
     async def story():
-        copter, port = Copter(1, BOOTED), free_port()
+        copter, port = FastCopter(), free_port()
         there = Endpoint("tcpout", HOST, port)
         async with front_end() as front:
             alpha = link(front, there)
             with pytest.raises(NoAnswer, match=r"[Rr]efused|failed"):
                 await alpha.connect(0.1)
             server, writers = await serve_tcp(copter, port)
-            async with playing(copter, lambda f: [w.write(f) for w in writers[-1:]]):
+            async with copter.playing(lambda f: [w.write(f) for w in writers[-1:]]):
                 await alpha.connect(10)
                 writers[-1].close()
                 await until(lambda: len(writers) == 2)
@@ -200,7 +204,7 @@ def test_tcp_out_connects_to_a_late_vehicle_and_again_after_a_cut():
 
 def test_tcp_in_serves_the_vehicle_that_connects():
     async def story():
-        copter, port = Copter(1, BOOTED), free_port()
+        copter, port = FastCopter(), free_port()
         here = Endpoint("tcpin", HOST, port)
         async with front_end() as front:
             alpha = link(front, here)
@@ -209,11 +213,11 @@ def test_tcp_in_serves_the_vehicle_that_connects():
 
             async def read():
                 while data := await reader.read(4096):
-                    for frame in copter.receive(data, copter_s()):
+                    for frame in copter.receive(data):
                         writer.write(frame)
 
             reading = asyncio.create_task(read())
-            async with playing(copter, writer.write):
+            async with copter.playing(writer.write):
                 await alpha.connect(10)
             writer.close()
             await reading
@@ -226,18 +230,18 @@ def test_serial_works_through_a_pseudo_terminal_and_survives_its_end():
         own_end, their_end = os.openpty()
         tty.setraw(own_end)
         tty.setraw(their_end)
-        copter = Copter(1, BOOTED)
+        copter = FastCopter()
         loop = asyncio.get_running_loop()
 
         def answer():
-            for frame in copter.receive(os.read(own_end, 4096), copter_s()):
+            for frame in copter.receive(os.read(own_end, 4096)):
                 os.write(own_end, frame)
 
         loop.add_reader(own_end, answer)
         device = Endpoint("serial", os.ttyname(their_end), baud=57600)
         async with front_end() as front:
             alpha = link(front, device)
-            async with playing(copter, lambda f: os.write(own_end, f)):
+            async with copter.playing(lambda f: os.write(own_end, f)):
                 await alpha.connect(10)
                 await alpha.order(FlightOrder.HOLD)
             loop.remove_reader(own_end)

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from flying_bench import FlyingBench, plan
+from flying_bench import FlyingBench, is_partial_list, plan
 
 from swarmctl.core.mission import FlightPlan
 from swarmctl.mavlink.events import ProcedureDone
@@ -89,7 +89,7 @@ def test_a_list_that_would_become_too_long_is_replaced_in_hold():
 
 def test_without_answers_to_partial_lists_the_vehicle_holds_for_the_swap():
     bench = FlyingBench("ardupilot").flying(OLD)
-    bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
+    bench.block = is_partial_list
     result, modes, _ = bench.watched_swap(NEW)
     assert result.flying == "new"
     assert modes == {"AUTO", "GUIDED"}

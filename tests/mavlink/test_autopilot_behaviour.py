@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from flying_bench import BOTH, Faults, FlyingBench, plan
+from flying_bench import BOTH, Faults, FlyingBench, is_partial_list, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.records import replace
@@ -94,7 +94,7 @@ def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(personality, mode
 def test_a_mission_shorter_than_the_current_item_is_flown_from_its_first_item(personality):
     """Without a new current item ArduPilot flies on to the deleted position and PX4 to the last item."""
     bench = FlyingBench(personality).flying(OLD)
-    bench.block = lambda m: m.get_type() == PARTIAL
+    bench.block = is_partial_list
     first = bench.session.dialect.first_waypoint_seq
     assert bench.run(100, lambda: bench.session.state.mission_seq == first + 6)
     short = bench.session.mission_items(plan(north=2, east=0.001))

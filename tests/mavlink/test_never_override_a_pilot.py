@@ -4,44 +4,65 @@ from __future__ import annotations
 
 from functools import partial
 from math import inf
+from typing import Any
 
 import pytest
-from bench import STEP_S, Bench, Faults, north_of_home
-from scripted_copter import Script
+from flying_bench import Faults, FlyingBench, is_partial_list, plan
+from profiles import full_only
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from simulated_answers import refuse, refuse_heartbeats, stay_on_ground
 
 from swarmctl.core.records import replace
 from swarmctl.mavlink.procedures import basic
 
-OLD, NEW = north_of_home(8), north_of_home(6, east=0.002)
-GUIDED, LOITER = 4, 5
+OLD, NEW = plan(north=12, alt=10.0), plan(north=10, east=0.002, alt=10.0)
+AUTO, GUIDED, LOITER = 3, 4, 5
 MODE, ARM, START, CURRENT = 176, 400, 300, 224
 DELAY_S = 0.3
-WIRES = [
-    (Script(), Faults()),
-    (Script(), Faults(max_delay_s=DELAY_S, seed=1)),
-    (Script(), Faults(max_delay_s=DELAY_S, doubling=0.2, loss=0.2, seed=2)),
-    (Script(heartbeats_unasked_only=True), Faults(max_delay_s=DELAY_S, seed=3)),
-    (Script(partial_lists=False), Faults(max_delay_s=DELAY_S, seed=4)),
-]
-WIRE_NAMES = ["perfect wire", "slow wire", "bad wire", "regular heartbeats only", "no partial lists"]
+
+
+WIRES: dict[str, Faults] = {
+    "quick wire": Faults(max_delay_s=0.1),
+    "slow wire": Faults(max_delay_s=DELAY_S, seed=1),
+    "bad wire": Faults(max_delay_s=DELAY_S, doubling=0.2, loss=0.2, seed=2),
+    "regular heartbeats only": Faults(max_delay_s=DELAY_S, seed=3),
+    "no partial lists": Faults(max_delay_s=DELAY_S, seed=4),
+}
 EVERY_TENTH = [n * 0.1 for n in range(90)]
 
 
-def orders(bench: Bench, since: int) -> list[tuple[float, int]]:
+def copter() -> FlyingBench:
+    return FlyingBench("ardupilot")
+
+
+def spoil(bench: FlyingBench, wire: str) -> None:
+    """Apply the faults of a wire, and the peculiarity of the vehicle."""
+    if wire == "regular heartbeats only":
+        refuse_heartbeats(bench.vehicle)
+    if wire == "no partial lists":
+        bench.block = is_partial_list
+    bench.spoil(WIRES[wire])
+
+
+def arm(vehicle: Any) -> None:
+    vehicle.arming.arm(vehicle.now, force=True)
+
+
+def orders(bench: FlyingBench, since: int) -> list[tuple[float, int]]:
     """Return (now, command) of each command that changes a mode or item, arms or starts."""
     sent = [(now, m.command) for now, m in bench.sent[since:] if m.get_type() == "COMMAND_LONG"]
     return [(now, command) for now, command in sent if command in (MODE, ARM, START, CURRENT)]
 
 
 def taken_over(
-    bench: Bench, name: str, procedure, after_s: float, mode: int = LOITER
+    bench: FlyingBench, name: str, procedure, after_s: float, mode: int = LOITER
 ) -> tuple[list[tuple[float, int]], object]:
     """Run a procedure with a pilot takeover after `after_s`, repeated after a crossing command.
 
     Returns the orders sent after the last heartbeat from before the takeover had arrived, and the result.
     """
     take_s = bench.now + after_s
-    window_s = bench.faults.max_delay_s + STEP_S / 2
+    window_s = bench.faults.max_delay_s + FlyingBench.STEP_S / 2
     taken_s, checked = inf, len(bench.sent)
     late: list[tuple[float, int]] = []
 
@@ -49,8 +70,9 @@ def taken_over(
         nonlocal taken_s, checked
         late.extend(order for order in orders(bench, checked) if order[0] - taken_s > window_s)
         checked = len(bench.sent)
-        if bench.copter.mode != mode and bench.now >= take_s:
-            bench.copter.mode, taken_s = mode, bench.now
+        if bench.vehicle.mode.number != mode and bench.now >= take_s:
+            bench.pilot(lambda vehicle: vehicle.modes.enter(mode))
+            taken_s = bench.now
         return bench.session.busy_with is None
 
     bench.begin(name, procedure)
@@ -59,47 +81,41 @@ def taken_over(
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
-def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(script, faults):
+@pytest.mark.parametrize("wire", WIRES)
+def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(wire):
     foreign = 0
     for after_s in EVERY_TENTH:
-        bench = Bench(script).flying(OLD)
-        bench.spoil(faults)
+        bench = copter().flying(OLD)
+        spoil(bench, wire)
         late, result = taken_over(bench, "swap", partial(basic.swap, plan=NEW), after_s)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         if result.failure is not None and "LOITER" in result.failure:
             foreign += 1
             assert result.flying == "theirs"
-            assert bench.copter.mode == LOITER
+            assert bench.vehicle.mode.number == LOITER
     assert foreign > 0, "no takeover fell within a swap, so nothing was tested"
 
 
-@pytest.mark.parametrize(
-    ("script", "faults"),
-    [
-        pytest.param(*WIRES[0], marks=pytest.mark.full, id=WIRE_NAMES[0]),
-        pytest.param(*WIRES[1], id=WIRE_NAMES[1]),
-    ],
-)
-def test_a_pilot_takeover_by_hold_mode_during_a_swap_is_respected(script, faults):
+@pytest.mark.parametrize("wire", [*full_only("quick wire"), "slow wire"])
+def test_a_pilot_takeover_by_hold_mode_during_a_swap_is_respected(wire):
     """Another station sets GUIDED. Only a swap with its own hold cannot tell the two holds apart."""
     theirs = 0
     for after_s in EVERY_TENTH[:40]:
-        bench = Bench(script).flying(OLD)
-        bench.spoil(faults)
+        bench = copter().flying(OLD)
+        spoil(bench, wire)
         job = partial(basic.swap, plan=NEW)
         late, result = taken_over(bench, "swap", job, after_s, GUIDED)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         assert result.flying in ("theirs", "new")
         if result.flying == "theirs":
             theirs += 1
-            assert bench.copter.mode == GUIDED
+            assert bench.vehicle.mode.number == GUIDED
     assert theirs > 0
 
 
 def test_a_swap_sends_nothing_in_a_hold_that_another_station_ordered():
-    bench = Bench().flying(OLD)
-    bench.copter.mode = GUIDED
+    bench = copter().flying(OLD)
+    bench.pilot(lambda vehicle: vehicle.modes.enter(GUIDED))
     bench.run(2)
     sent = len(bench.sent)
     assert bench.swap(NEW).flying == "theirs"
@@ -107,17 +123,17 @@ def test_a_swap_sends_nothing_in_a_hold_that_another_station_ordered():
     assert bench.swap(replace(NEW, from_hold=True)).flying == "new"
 
 
-@pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
-def test_a_pilot_takeover_at_any_moment_of_a_launch_is_respected(script, faults):
+@pytest.mark.parametrize("wire", WIRES)
+def test_a_pilot_takeover_at_any_moment_of_a_launch_is_respected(wire):
     foreign = 0
     for after_s in EVERY_TENTH[:40]:
-        bench = Bench(script).uploaded(OLD)
-        bench.spoil(faults)
+        bench = copter().uploaded(OLD)
+        spoil(bench, wire)
         late, result = taken_over(bench, "launch", basic.launch, after_s)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         if result.failure is not None and "LOITER" in result.failure:
             foreign += 1
-            assert bench.copter.mode == LOITER
+            assert bench.vehicle.mode.number == LOITER
     assert foreign > 0, "no takeover fell within a launch, so nothing was tested"
 
 
@@ -126,22 +142,22 @@ def test_an_unanswered_command_is_not_repeated_against_a_pilot(command):
     """The first command is lost; the pilot takes over before the time of its repetition."""
     launches = command in (ARM, START)
     # Without partial lists the swap sets a mode, as the vehicle has to hold.
-    script = Script(partial_lists=command != MODE)
-    bench = Bench(script).uploaded(OLD) if launches else Bench(script).flying(OLD)
-    bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == command
+    lost = "MISSION_WRITE_PARTIAL_LIST" if command == MODE else None
+    bench = copter().uploaded(OLD) if launches else copter().flying(OLD)
+    bench.block = lambda m: m.get_type() == lost or getattr(m, "command", None) == command
     begun = len(bench.sent)
     job = basic.launch if launches else (lambda c: basic.swap(c, NEW))
     bench.begin("job", job)
     assert bench.run(10, lambda: command in [c for _, c in orders(bench, begun)])
     sent = len(bench.sent)
-    bench.copter.mode = LOITER
+    bench.pilot(lambda vehicle: vehicle.modes.enter(LOITER))
     assert bench.run(100, lambda: bench.session.busy_with is None)
     assert orders(bench, sent) == []
     assert "LOITER" in bench.result.failure
 
 
 def test_an_unanswered_command_is_repeated_unless_a_pilot_has_taken_over():
-    bench = Bench().flying(OLD)
+    bench = copter().flying(OLD)
     lost = []
 
     def block(message) -> bool:
@@ -156,14 +172,14 @@ def test_an_unanswered_command_is_repeated_unless_a_pilot_has_taken_over():
 
 
 def test_a_temporarily_rejected_command_is_repeated_after_a_new_heartbeat():
-    bench = Bench().flying(OLD)
-    set_mode, answers = bench.copter.set_mode, []
+    bench = copter().flying(OLD)
+    answers = []
 
-    def busy_twice(*params) -> int:
+    def is_busy(_command) -> bool:
         answers.append(1 if len(answers) < 2 else 0)
-        return answers[-1] or set_mode(*params)
+        return bool(answers[-1])
 
-    bench.copter.set_mode = busy_twice
+    refuse(bench.vehicle, MODE, mavlink.MAV_RESULT_TEMPORARILY_REJECTED, when=is_busy)
     begun = len(bench.sent)
     assert bench.do("land", basic.land).failure is None
     assert answers == [1, 1, 0]
@@ -172,8 +188,8 @@ def test_a_temporarily_rejected_command_is_repeated_after_a_new_heartbeat():
 
 
 def test_launch_sends_nothing_to_a_vehicle_that_is_armed_already():
-    bench = Bench().uploaded(OLD)
-    bench.copter.armed = True
+    bench = copter().uploaded(OLD)
+    bench.pilot(arm)
     bench.run(2)
     sent = len(bench.sent)
     assert "[armed]" in bench.do("launch", basic.launch).failure
@@ -181,8 +197,8 @@ def test_launch_sends_nothing_to_a_vehicle_that_is_armed_already():
 
 
 def test_launch_sends_nothing_if_a_pilot_armed_after_the_last_heartbeat():
-    bench = Bench().uploaded(OLD)
-    bench.copter.armed = True
+    bench = copter().uploaded(OLD)
+    bench.pilot(arm)
     sent = len(bench.sent)
     assert not bench.session.state.armed
     assert "[taken-over]" in bench.do("launch", basic.launch).failure
@@ -191,19 +207,23 @@ def test_launch_sends_nothing_if_a_pilot_armed_after_the_last_heartbeat():
 
 @pytest.mark.parametrize(
     ("nth_request", "pilot", "orders_before"),
-    [(2, {"armed": True}, []), (4, {"mode": 3}, [ARM]), (4, {"armed": False}, [ARM])],
+    [
+        (2, arm, []),
+        (4, lambda vehicle: vehicle.modes.enter(AUTO), [ARM]),
+        (4, lambda vehicle: vehicle.arming.stop(), [ARM]),
+    ],
     ids=["arms before the launch does", "starts the mission before the launch does", "disarms the vehicle"],
 )
 def test_launch_ends_if_a_pilot_arms_disarms_or_starts_the_mission(nth_request, pilot, orders_before):
     """The pilot acts just before the answer to the heartbeat request with number `nth_request`."""
-    bench = Bench().uploaded(OLD)
+    bench = copter().uploaded(OLD)
     asked = []
 
     def interfere(message) -> bool:
         if message.get_type() == "COMMAND_LONG" and message.command == 512:
             asked.append(message)
             if len(asked) == nth_request:
-                vars(bench.copter).update(pilot)
+                bench.pilot(pilot)
         return False
 
     bench.block = interfere
@@ -213,29 +233,31 @@ def test_launch_ends_if_a_pilot_arms_disarms_or_starts_the_mission(nth_request, 
 
 
 def test_launch_does_not_begin_in_a_mode_chosen_by_a_pilot():
-    bench = Bench().uploaded(OLD)
-    bench.copter.mode = LOITER
+    bench = copter().uploaded(OLD)
+    bench.pilot(lambda vehicle: vehicle.modes.enter(LOITER))
     sent = len(bench.sent)
     assert "LOITER" in bench.do("launch", basic.launch).failure
     assert orders(bench, sent) == []
 
 
 def test_a_failed_launch_does_not_disarm_after_a_pilot_takeover():
-    bench = Bench(Script(stays_on_ground=True)).uploaded(OLD)
+    bench = copter().uploaded(OLD)
+    stay_on_ground(bench.vehicle)
     bench.begin("launch", basic.launch)
-    assert bench.run(10, lambda: bench.copter.mode_name == "AUTO")
+    assert bench.run(10, lambda: bench.mode == "AUTO")
     sent = len(bench.sent)
-    bench.copter.mode = LOITER
+    bench.pilot(lambda vehicle: vehicle.modes.enter(LOITER))
     assert bench.run(60, lambda: bench.session.busy_with is None)
     assert "LOITER" in bench.result.failure
     assert orders(bench, sent) == []
-    assert bench.copter.armed
+    assert bench.vehicle.armed
 
 
 def test_prepare_sends_nothing_if_a_pilot_armed_after_the_last_heartbeat():
-    bench = Bench().connected()
+    bench = copter().connected()
     bench.run(3)
-    bench.copter.mode, bench.copter.armed = LOITER, True
+    bench.pilot(arm)
+    bench.pilot(lambda vehicle: vehicle.modes.enter(LOITER))
     sent = len(bench.sent)
     assert "[armed]" in bench.do("prepare", basic.prepare).failure
     assert orders(bench, sent) == []
@@ -243,12 +265,12 @@ def test_prepare_sends_nothing_if_a_pilot_armed_after_the_last_heartbeat():
 
 @pytest.mark.parametrize("job", [basic.hold, basic.return_home, basic.land])
 def test_an_operators_order_is_sent_at_once_and_not_repeated_against_a_pilot(job):
-    bench = Bench().flying(OLD)
+    bench = copter().flying(OLD)
     bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == MODE
     sent = len(bench.sent)
     bench.begin("order", job)
     assert orders(bench, sent) == [(bench.now, MODE)]
-    bench.copter.mode = LOITER
+    bench.pilot(lambda vehicle: vehicle.modes.enter(LOITER))
     assert bench.run(100, lambda: bench.session.busy_with is None)
     assert len(orders(bench, sent)) == 1
     assert "LOITER" in bench.result.failure
@@ -258,36 +280,39 @@ def test_an_operators_order_is_sent_at_once_and_not_repeated_against_a_pilot(job
 @pytest.mark.parametrize("mode", [GUIDED, LOITER])
 def test_an_automatic_command_waits_for_a_new_heartbeat(job, mode):
     """A pilot acted a moment ago, and no heartbeat has reported the change yet."""
-    bench = Bench(Script(heartbeats_unasked_only=True)).flying(OLD)
+    bench = copter().flying(OLD)
+    refuse_heartbeats(bench.vehicle)
     heartbeats = bench.session.state
     bench.run(3, lambda: bench.session.state is not heartbeats)
-    bench.copter.mode = mode
+    bench.pilot(lambda vehicle: vehicle.modes.enter(mode))
     sent = len(bench.sent)
     result = bench.do("order", partial(job, check_mode_first=True))
-    assert bench.copter.mode == mode
+    assert bench.vehicle.mode.number == mode
     if job is not basic.hold or mode != GUIDED:
         assert orders(bench, sent) == []
         assert "[taken-over]" in result.failure
 
 
 def test_an_automatic_command_may_follow_the_hold_of_an_interrupted_swap():
-    bench = Bench(Script(partial_lists=False), Faults(max_delay_s=DELAY_S, seed=5)).flying(OLD)
+    bench = copter().flying(OLD)
+    bench.block = is_partial_list
+    bench.spoil(Faults(max_delay_s=DELAY_S, seed=5))
     bench.begin_swap(NEW)
-    assert bench.run(20, lambda: bench.copter.mode == GUIDED)
+    assert bench.run(20, lambda: bench.mode == "GUIDED")
     bench.take(bench.session.cancel(bench.now))
     assert bench.do("return_home", partial(basic.return_home, check_mode_first=True)).failure is None
-    assert bench.copter.mode_name == "RTL"
+    assert bench.mode == "RTL"
 
 
 @pytest.mark.parametrize("mode", [0, 3, 4, 5, 6, 9], ids="mode {}".format)
 def test_an_operators_order_is_repeated_in_the_previous_mode_and_in_own_modes(mode):
-    bench = Bench().flying(OLD)
-    bench.copter.mode = mode
+    bench = copter().flying(OLD)
+    bench.pilot(lambda vehicle: vehicle.modes.enter(mode))
     bench.run(2)
     lost = []
     bench.block = lambda m: (
         m.get_type() == "COMMAND_LONG" and m.command == MODE and len(lost) < 2 and not lost.append(m)
     )
     assert bench.do("land", basic.land).failure is None
-    assert bench.copter.mode_name == "LAND"
+    assert bench.mode == "LAND"
     assert len(lost) == (1 if mode == 9 else 2), "a vehicle in LAND gets no second command"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
-from bench import Bench, Script
 from flying_bench import BOTH, HOME, FlyingBench, on_the_ground
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -12,7 +13,7 @@ from swarmctl.mavlink.procedures.rally import RALLY, RallyPoints, count_rally_po
 POINT = mavlink.MAV_CMD_NAV_RALLY_POINT
 
 
-def counted(bench: Bench | FlyingBench) -> RallyPoints:
+def counted(bench: FlyingBench) -> RallyPoints:
     return bench.do("rally points", count_rally_points)
 
 
@@ -41,17 +42,29 @@ def test_the_number_of_rally_points_is_reported(personality: str) -> None:
     assert counted(bench) == RallyPoints(1)
 
 
+def without_rally_points(personality: str) -> FlyingBench:
+    """Return a vehicle whose firmware answers UNSUPPORTED."""
+    bench = on_the_ground(personality)
+    answer = mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_UNSUPPORTED, RALLY)
+
+    def replace(message: Any) -> bool:
+        is_count = message.get_type() == "MISSION_COUNT"
+        if is_count:
+            bench.vehicle.send(answer)
+        return is_count
+
+    bench.block_down = replace
+    return bench
+
+
 def test_an_ardupilot_built_without_rally_points_has_none() -> None:
     """ArduPilot answers UNSUPPORTED (`GCS_MAVLINK::handle_mission_request_list`)."""
-    bench = Bench(Script(rally_points=None)).connected()
-    assert counted(bench) == RallyPoints(0)
+    assert counted(without_rally_points("ardupilot")) == RallyPoints(0)
 
 
 def test_an_unsupported_answer_of_px4_is_not_a_number() -> None:
     """Each build of PX4 has rally points."""
-    bench = Bench(Script(rally_points=None))
-    bench.copter.autopilot = mavlink.MAV_AUTOPILOT_PX4
-    counts = counted(bench.connected())
+    counts = counted(without_rally_points("px4"))
     assert counts.count is None
     assert counts.failure.endswith("UNSUPPORTED")
 

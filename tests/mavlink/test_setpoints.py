@@ -7,9 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from flying_bench import BOTH, HOME, FlyingBench, plan
+from flying_bench import BOTH, HOME, Faults, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from wire_bench import Faults
 
 from swarmctl.core.geo import LocalFrame, distance_m
 from swarmctl.core.records import replace

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from flying_bench import BOTH, FlyingBench
+from flying_bench import BOTH, Faults, FlyingBench, wires
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from metric_plans import most_backwards_m, place, plan
 from profiles import examples
-from wire_bench import Faults, wires
 
 from swarmctl.core.planar import PlanarPoint, distance_to_track
 

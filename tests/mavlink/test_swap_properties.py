@@ -9,11 +9,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from flying_bench import FlyingBench, plan
+from flying_bench import Faults, FlyingBench, is_partial_list, plan, wires
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from profiles import examples
-from wire_bench import Faults, wires
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.procedures import basic
@@ -34,7 +33,7 @@ def flying(way: str) -> FlyingBench:
     bench = FlyingBench("px4" if way == "at once" else "ardupilot").flying(OLD)
     if way == "in place":
         # This firmware does not answer partial lists, so the vehicle has to hold.
-        bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
+        bench.block = is_partial_list
     return bench
 
 

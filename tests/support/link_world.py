@@ -1,21 +1,20 @@
-"""Vehicles on a memory wire with a link to each: on a virtual clock, or faster than real time."""
+"""Simulated vehicles on a memory wire with a link to each: on a virtual clock, or faster than real time."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
+from flying_bench import north_of_home
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from scripted_copter import Copter
-from wire_bench import north_of_home
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links import LINKS
-from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.signing import Signing
 from swarmctl.links.transports.memory import MemoryWire
@@ -56,25 +55,46 @@ class ForwardReceiver:
         self.wire.from_vehicle(bytes(message.pack(codec)), "station")
 
 
-class MemoryWorld:
-    """A front end, vehicles on a memory wire that move while the world is entered, and a watching station."""
+class World:
+    """Simulated vehicles on a memory wire, a front end with a link to each, and a watching station.
+
+    The vehicles move while the world is entered. Each boot sends from a new port, as ArduPilot's UDP does.
+    """
 
     STEP_S = 0.05
 
-    def __init__(self, *, evidence=None, signing: Signing | None = None) -> None:
+    def __init__(
+        self,
+        *personalities: str,
+        first: int = 1,
+        kind: str = "direct",
+        ready_s: float = 3.0,
+        tlog: Path | None = None,
+        evidence: Any = None,
+        signing: Signing | None = None,
+    ) -> None:
+        """Create vehicles with system ids from `first` on, by default one ArduCopter."""
+        self.kind, self.tlog = kind, tlog
         self.wire, self.watching = MemoryWire(), ForwardReceiver()
-        self.wire.connect_vehicles(self._to_vehicles)
+        self.wire.connect_vehicles(self.to_fleet)
         self.to_vehicles: list[tuple[bytes, Any]] = []
         """messages to the vehicles, with their addresses"""
+        self.from_vehicles: list[bytes] = []
         self.events: list = []
         self.said: list[str] = []
         self.silent = False
         """True: no message from a vehicle arrives"""
+        self.loses = lambda frame: False
+        """frames from a vehicle that do not arrive"""
+        self.address: dict[int, Any] = {}
+        """addresses other than `port`, by system id"""
         self.began_us = BEGAN_US
         """time of the machine's clock at time 0 of the event loop [µs]"""
-        self.pace = 1.0
+        self.pace = 1.0 if kind == "direct" else HURRY
         """seconds of a vehicle's time in one second of the event loop's"""
         self._began_s = 0.0
+        self.fleet = fleet_of(*(personalities or ("ardupilot",)), first=first, ready_s=ready_s)
+        self.vehicles = {vehicle.sysid: vehicle for vehicle in self.fleet.vehicles}
         self.front = FrontEnd(
             wall_time_us=lambda: self.began_us + round(asyncio.get_running_loop().time() * 1e6),
             memory={"test": self.wire, "watcher": self.watching.wire},
@@ -83,17 +103,41 @@ class MemoryWorld:
             say=self.said.append,
         )
 
-    def _to_vehicles(self, data: bytes, address: Any) -> None:
-        """Pass a message to the vehicles, and their answers back."""
-        raise NotImplementedError
+    def link(self, sysid: int = 1, name: str = "alpha"):
+        return LINKS[self.kind].open(
+            self.front, WIRE, sysid, name=name, on_event=self.events.append, tlog=self.tlog
+        )
 
-    def _step(self) -> None:
-        """Move the vehicles until now."""
-        raise NotImplementedError
+    def port(self, index: int) -> Any:
+        """Return the address from which a vehicle sends."""
+        ports = f"vehicle {index + 1}", 14_000 + self.fleet.boots()[index]
+        return self.address.get(self.fleet.sysids[index], ports)
+
+    def to_fleet(self, data: bytes, address: Any) -> None:
+        """Pass a message to the vehicles at an address, and their answers back."""
+        self.to_vehicles.append((data, address))
+        targets = [i for i in range(len(self.fleet.vehicles)) if self.port(i) == address]
+        if not self.silent:
+            self._from(self.fleet.receive(data, self.now_s(), peer=address, reach=targets))
+
+    def _from(self, frames: Iterable[tuple[int, bytes]]) -> None:
+        for index, data in frames:
+            self.from_vehicles.append(data)
+            if not (self.silent or self.loses(data)):
+                self.wire.from_vehicle(data, self.port(index))
 
     def now_s(self) -> float:
         """Time on the vehicles' clocks [s]."""
         return (asyncio.get_running_loop().time() - self._began_s) * self.pace
+
+    def sent(self, kind: str, command: int | None = None) -> list[Any]:
+        """Return the messages of a type to the vehicles, or those with a command."""
+        parser = mavlink.MAVLink(None)
+        parser.robust_parsing = True
+        messages = [m for data, _ in self.to_vehicles for m in parser.parse_buffer(data) or []]
+        return [
+            m for m in messages if m.get_type() == kind and command in (None, getattr(m, "command", None))
+        ]
 
     async def forward(self, *, commands: bool = False) -> None:
         """Forward all frames to the watching station."""
@@ -103,7 +147,7 @@ class MemoryWorld:
 
     async def _move(self) -> None:
         while True:
-            self._step()
+            self._from(self.fleet.step(self.now_s()))
             await asyncio.sleep(self.STEP_S / self.pace)
 
     async def __aenter__(self):
@@ -118,70 +162,13 @@ class MemoryWorld:
         await self.front.close()
 
 
-class World(MemoryWorld):
-    """Scripted copters, and a link to each."""
-
-    STEP_S = 0.1
-
-    def __init__(self, *copters: Copter, tlog=None, kind: str = "direct", evidence=None) -> None:
-        super().__init__(evidence=evidence)
-        self.kind, self.tlog = kind, tlog
-        self.pace = 1.0 if kind == "direct" else HURRY
-        self.copters = {c.sysid: c for c in copters}
-        self.address = {c.sysid: "fleet" for c in copters}
-
-    def link(self, sysid: int = 1, name: str = "alpha"):
-        return LINKS[self.kind].open(
-            self.front, WIRE, sysid, name=name, on_event=self.events.append, tlog=self.tlog
-        )
-
-    def _to_vehicles(self, data: bytes, address: Any) -> None:
-        self.to_vehicles.append((data, address))
-        for copter in self.copters.values():
-            if not self.silent and self.address[copter.sysid] == address:
-                self._from(copter, copter.receive(data, self.now_s()))
-
-    def _from(self, copter: Copter, frames: list[bytes]) -> None:
-        for frame in frames:
-            if not self.silent:
-                self.wire.from_vehicle(frame, self.address[copter.sysid])
-
-    def _step(self) -> None:
-        for copter in self.copters.values():
-            self._from(copter, copter.step(self.now_s()))
-
-
-class FleetWorld(MemoryWorld):
-    """Simulated vehicles; each boot sends from a new port, as ArduPilot's UDP does."""
-
-    def __init__(self, *personalities: str, signing: Signing | None = None) -> None:
-        super().__init__(signing=signing)
-        vehicles = [
-            {"sysid": n, "lat_deg": 46.048 + 0.001 * n, "lon_deg": 14.506, "personality": personality}
-            for n, personality in enumerate(personalities, 1)
-        ]
-        self.fleet = Fleet(Scenario.model_validate({"seed": 1, "vehicles": vehicles}), ready_s=3.0)
-        self.from_vehicles: list[bytes] = []
-
-    def port(self, index: int) -> tuple[str, int]:
-        return f"vehicle {index + 1}", 14_000 + self.fleet.boots()[index]
-
-    def link(self, sysid: int = 1) -> DirectLink:
-        return DirectLink(self.front, WIRE, sysid, name=f"uav{sysid}", on_event=self.events.append)
-
-    def _to_vehicles(self, data: bytes, address: Any) -> None:
-        self.to_vehicles.append((data, address))
-        targets = [i for i in range(len(self.fleet.vehicles)) if self.port(i) == address]
-        self._from(self.fleet.receive(data, self.now_s(), peer=address, reach=targets))
-
-    def _from(self, frames: Iterable[tuple[int, bytes]]) -> None:
-        for index, data in frames:
-            self.from_vehicles.append(data)
-            if not self.silent:
-                self.wire.from_vehicle(data, self.port(index))
-
-    def _step(self) -> None:
-        self._from(self.fleet.step(self.now_s()))
+def fleet_of(*personalities: str, first: int = 1, ready_s: float = 3.0) -> Fleet:
+    vehicles = [
+        {"sysid": first + n, "lat_deg": 46.049 + 0.001 * n, "lon_deg": 14.506, "personality": personality}
+        for n, personality in enumerate(personalities)
+    ]
+    content = {"seed": 1, "vehicles": vehicles}
+    return Fleet(Scenario.model_validate(content), ready_s=ready_s, keeps_logs=False)
 
 
 async def until(condition, limit_s: float = 60.0) -> None:
@@ -190,13 +177,13 @@ async def until(condition, limit_s: float = 60.0) -> None:
             await asyncio.sleep(0.02)
 
 
-async def connected(world: World | FleetWorld):
+async def connected(world: World):
     link = world.link()
     await link.connect(10)
     return link
 
 
-async def uploaded(world: World | FleetWorld, count: int = 8):
+async def uploaded(world: World, count: int = 8):
     """Return a link to a vehicle with a mission of `count` waypoints, ready for its launch."""
     link = await connected(world)
     await link.prepare(60, lambda _: None)
@@ -204,16 +191,8 @@ async def uploaded(world: World | FleetWorld, count: int = 8):
     return link
 
 
-async def flying(world: World | FleetWorld):
+async def flying(world: World):
     link = await uploaded(world)
     await link.launch()
     await until(lambda: link.state().mission_seq == 3)
     return link
-
-
-def asked_of(world: World) -> set[tuple[str, float]]:
-    """Return (message, first parameter) of all messages to the vehicles, without heartbeats."""
-    parser = mavlink.MAVLink(None)
-    parser.robust_parsing = True
-    messages = [m for data, _ in world.to_vehicles for m in parser.parse_buffer(data) or []]
-    return {(m.get_type(), getattr(m, "param1", 0.0)) for m in messages if m.get_type() != "HEARTBEAT"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from link_world import BEGAN_US, FleetWorld
+from link_world import BEGAN_US, World
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.links.signing import TICKS_PER_S, Signing, ticks
@@ -14,7 +14,7 @@ KEY = bytes(range(32))
 KEY_AGE_S = 60  # the vehicle's time stamps begin a minute after that of the key
 
 
-class SignedWorld(FleetWorld):
+class SignedWorld(World):
     """A simulated copter with a key, and a ground station with the same key, another key or no key."""
 
     key = KEY
