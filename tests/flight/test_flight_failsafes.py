@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
-from typing import Any
 
 import pytest
-from flights import Ui, coded, fly, small
+from flights import coded, small
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from trouble import Trouble, fly_with, inject, outage, sagging, select_mode
+from trouble import Trouble, fly_with, outage, sagging, select_mode
 
+from sim_vehicle.fleet import Fleet
 from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.phases import Phase
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight import virtual_simulator
 from swarmctl.report import record
 
 pytestmark = pytest.mark.virtual
@@ -174,16 +174,6 @@ def test_a_vehicle_holds_before_the_fence_and_returns_from_beyond_the_fence(
     assert DemandKind.RETURN in returns
 
 
-def without_position(frames: list[tuple[int, bytes]], sysid: int) -> list[tuple[int, bytes]]:
-    """Return the frames without GLOBAL_POSITION_INT of a vehicle, as from a PX4 without a position."""
-    position = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
-    return [
-        (index, frame)
-        for index, frame in frames
-        if not (frame[5] == sysid and int.from_bytes(frame[7:10], "little") == position)
-    ]
-
-
 @pytest.mark.full
 @pytest.mark.parametrize(
     ("sag", "code"),
@@ -197,16 +187,15 @@ def test_rules_act_on_a_vehicle_without_position_messages(
     sag: list[float], code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = sagging(sag[0]) if sag else Trouble()
-    inject(trouble, monkeypatch)
+    position = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT.to_bytes(3, "little")
 
-    class FleetWithoutPosition(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
-        def step(self, now: float) -> Any:
-            frames = super().step(now)
-            return without_position(frames, 2) if now > 30.0 else frames
+    def loses(_fleet: Fleet, frame: bytes) -> bool:
+        """Lose the second vehicle's positions after 30 s, as of a PX4 without a position."""
+        is_late = asyncio.get_running_loop().time() > 30.0
+        return is_late and frame[5:6] == b"\x02" and frame[7:10] == position
 
-    monkeypatch.setattr(virtual_simulator, "Fleet", FleetWithoutPosition)
-    ui = Ui()
-    report = fly(pair(), tmp_path, ui=ui)
+    trouble.loses = loses
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
     assert trouble.modes[2] == ["AUTO", "RTL"]
     assert any(DemandKind.RETURN in line for line in coded(ui.said, "uav2", code))
     assert report.states[2].outcome.endswith("; disarmed")

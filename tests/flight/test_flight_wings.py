@@ -5,21 +5,20 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 from flights import Ui, fly
 from interruptions import interrupting
 from profiles import full_only
 from recorded import first_heartbeats
+from trouble import Trouble, inject
 from wings_flights import away_m, winged
 
 from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
 from swarmctl.config import model
 from swarmctl.config.checks import check_config
-from swarmctl.config.scenario import Scenario, build
+from swarmctl.config.scenario import build
 from swarmctl.core.records import replace
-from swarmctl.flight.simulator import scenario_json
 
 pytestmark = pytest.mark.virtual
 
@@ -103,12 +102,7 @@ def test_fixed_wings_of_px4_arrive_by_changed_missions_and_land_at_their_goals(
 def test_a_px4_whose_return_does_not_end_at_its_landing_stays_on_the_ground(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def set_up_otherwise(scenario: Scenario) -> dict[str, Any]:
-        content = scenario_json(scenario)
-        content["vehicles"][0]["params"]["RTL_TYPE"] = 0.0
-        return content
-
-    monkeypatch.setattr("swarmctl.flight.virtual_simulator.scenario_json", set_up_otherwise)
+    inject(Trouble(params_of={1: {"RTL_TYPE": 0.0}}), monkeypatch)
     report = fly(winged(simulate={"autopilot": ["px4plane", "ardupilot"]}), tmp_path)
     assert not any(state.launch.armed_seen for state in report.states.values())
     (text,) = report.trouble

@@ -6,13 +6,14 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from flights import Ui, fly, small
+from trouble import Trouble, inject
 
+from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight import app, run, virtual_simulator
+from swarmctl.flight import app, run
 from swarmctl.flight.run import FlightOptions
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight.checks import CHECKS
@@ -27,16 +28,9 @@ Afflict = Callable[..., None]
 @pytest.fixture
 def afflict(monkeypatch: pytest.MonkeyPatch) -> Afflict:
     """Return a function that gives the simulator `faults`, and parameters by system id."""
-    made = virtual_simulator.scenario_json
 
     def afflict(*faults: str, params: dict[int, dict[str, float]] | None = None) -> None:
-        def worse(scenario: Scenario) -> dict[str, Any]:
-            content = made(scenario)
-            for vehicle in content["vehicles"]:
-                vehicle["params"] |= (params or {}).get(vehicle["sysid"], {})
-            return {**content, "faults": list(faults)}
-
-        monkeypatch.setattr(virtual_simulator, "scenario_json", worse)
+        inject(Trouble(faults=list(faults), params_of=params or {}), monkeypatch)
 
     return afflict
 
@@ -232,22 +226,14 @@ def test_a_route_that_leaves_a_configured_fence_is_found(tmp_path: Path) -> None
 def test_an_old_battery_message_does_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The vehicle sends SYS_STATUS until it holds its mission, and then no more, requested or not."""
 
-    def without(frames: list[tuple[int, bytes]]) -> list[tuple[int, bytes]]:
-        others = [(i, f) for i, f in frames if f[5:6] != b"\x02" or f[7:10] != b"\x01\0\0"]
-        return others if holds else frames
-
     holds: list[bool] = []
 
-    class FleetWithoutSysStatus(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
-        def step(self, now: float) -> Any:
-            return without(super().step(now))
+    def loses(fleet: Fleet, frame: bytes) -> bool:
+        if fleet.vehicles[1].mission.count and not holds:
+            holds.append(True)
+        return bool(holds) and frame[5:6] == b"\x02" and frame[7:10] == b"\x01\0\0"
 
-        def receive(self, *args: Any, **kwargs: Any) -> Any:
-            if self.vehicles[1].mission.count and not holds:
-                holds.append(True)
-            return without(super().receive(*args, **kwargs))
-
-    monkeypatch.setattr(virtual_simulator, "Fleet", FleetWithoutSysStatus)
+    inject(Trouble(loses=loses), monkeypatch)
     report = checked(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path)
     assert holds
     assert failing(report) == [("uav2", "position"), ("uav2", "battery")]

@@ -16,7 +16,6 @@ from trouble import OTHER_STATION, Trouble, inject
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.vehicle.mission import Item
 from swarmctl.core.records import replace
-from swarmctl.flight import virtual_simulator
 from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.outcome import FlightReport
@@ -88,21 +87,12 @@ def test_a_fence_with_correct_parameters_is_enforced_before_arming(
     assert "altitude_max" in vehicle.fence_watch.find(*vehicle.body.lat_lon_deg, FAR_ABOVE_M)
 
 
-def drop_answers(monkeypatch: pytest.MonkeyPatch, is_dropped: Callable[[bytes], bool]) -> None:
-    """Drop these frames (MAVLink 2) of all vehicles."""
-
-    class LossyFleet(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
-        def receive(self, *args: object, **kwargs: object) -> list[tuple[int, bytes]]:
-            return [(i, frame) for i, frame in super().receive(*args, **kwargs) if not is_dropped(frame)]
-
-    monkeypatch.setattr(virtual_simulator, "Fleet", LossyFleet)
-
-
 def test_a_fence_that_may_not_be_enforced_keeps_the_vehicle_on_the_ground(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     command = struct.pack("<H", mavlink.MAV_CMD_DO_FENCE_ENABLE)
-    drop_answers(monkeypatch, lambda frame: frame[7:10] == b"\x4d\0\0" and frame[10:12] == command)
+    acks = Trouble(loses=lambda _fleet, frame: frame[7:10] == b"\x4d\0\0" and frame[10:12] == command)
+    inject(acks, monkeypatch)
     report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path)
     assert report.ended == "failed"
     ((which, found),) = failing(report).items()
@@ -151,7 +141,8 @@ def test_a_vehicle_that_does_not_report_its_rally_points_fails(
     autopilot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The other facts are still collected."""
-    drop_answers(monkeypatch, lambda frame: frame[7:10] == b"\x2c\0\0" and frame[14:15] == b"\x02")
+    counts = Trouble(loses=lambda _fleet, frame: frame[7:10] == b"\x2c\0\0" and frame[14:15] == b"\x02")
+    inject(counts, monkeypatch)
     swarm = {"count": 1, "ready_s": 1.0, "autopilot": autopilot}
     ui = Ui()
     report = fly(small(simulate=swarm), tmp_path, options=NEVER, ui=ui)

@@ -19,6 +19,7 @@ from swarmctl.flight import virtual_simulator
 from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.report.outcome import FlightReport
 
+Frames = list[tuple[int, bytes]]
 OTHER_STATION = 200
 MODES = {"LOITER": 5, "RTL": 6, "GUIDED": 4, "LAND": 9, "AUTO": 3}
 """ArduCopter's"""
@@ -28,18 +29,24 @@ MODES = {"LOITER": 5, "RTL": 6, "GUIDED": 4, "LAND": 9, "AUTO": 3}
 class Trouble:
     """Faults, wind and parameters of the simulator, and actions of other stations, by the run's clock [s]."""
 
-    faults: list[dict[str, Any]] = field(default_factory=list)
+    faults: list[dict[str, Any] | str] = field(default_factory=list)
+    """as in a scenario's file, or as on the simulator's command line"""
     wind: dict[str, float] | None = None
     params: dict[str, float] = field(default_factory=dict)
+    """parameters of every vehicle"""
+    params_of: dict[int, dict[str, float]] = field(default_factory=dict)
+    """parameters of single vehicles, by system id"""
     actions: list[tuple[float, Callable[[Fleet], None]]] = field(default_factory=list)
     modes: dict[int, list[str]] = field(default_factory=dict)
     """modes in which each armed vehicle was, in order, by system id"""
     on_step: Callable[[float, Truth], None] = lambda _now, _truth: None
     """called several times a second"""
+    loses: Callable[[Fleet, bytes], bool] = lambda _fleet, _frame: False
+    """frames from the vehicles that do not arrive (MAVLink 2)"""
 
     def added_to(self, content: dict[str, Any]) -> dict[str, Any]:
         for vehicle in content["vehicles"]:
-            vehicle["params"] |= self.params
+            vehicle["params"] |= self.params | self.params_of.get(vehicle["sysid"], {})
         more: dict[str, Any] = {"faults": self.faults}
         if self.wind is not None:
             more["wind"] = self.wind
@@ -88,10 +95,16 @@ def watched(trouble: Trouble) -> type[Fleet]:
     """Return the class of a fleet that this trouble meets at every step."""
 
     class Watched(Fleet):
-        def step(self, now: float) -> Any:
+        def step(self, now: float) -> Frames:
             frames = super().step(now)
             trouble.watch(self)
-            return frames
+            return self._arriving(frames)
+
+        def receive(self, *args: Any, **kwargs: Any) -> Frames:
+            return self._arriving(super().receive(*args, **kwargs))
+
+        def _arriving(self, frames: Frames) -> Frames:
+            return [(index, frame) for index, frame in frames if not trouble.loses(self, frame)]
 
     return Watched
 
