@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pytest
-from director_ground import MARK, WAITING_FOR, Clearance, Ground, StubLink, all_launched, runner_of
+from director_ground import WAITING_FOR, Clearance, Ground, StubLink, all_launched, runner_of
 from flights import small
 
 from swarmctl.core import events as ev
@@ -58,7 +58,7 @@ def test_without_permission_no_vehicle_is_prepared() -> None:
 
 def test_a_launch_without_permission_is_a_bug_and_no_take_off() -> None:
     async def scene() -> StubLink:
-        link = StubLink(Identity(1, 3, 2, "", MARK), (46.0, 14.0))
+        link = StubLink()
         runner = runner_of(small(), link)
         runner.post(ev.Ready())
         runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH))

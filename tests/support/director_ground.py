@@ -42,11 +42,15 @@ WAITING_FOR = "no position estimate yet"
 
 @dataclass
 class StubLink:
-    """A link that carries out every call at once and keeps their names."""
+    """A link that carries out every call and keeps their names, and the cancelled ones."""
 
-    identity: Identity
-    where: tuple[float, float]
+    identity: Identity = field(default_factory=lambda: Identity(1, 3, 2, "", MARK))
+    where: tuple[float, float] = (46.0, 14.0)
     fails: Exception | None = None
+    takes_s: float = 0.0
+    """duration of each call"""
+    ends_s: float = 0.0
+    """time from the cancellation of a call to its end"""
     calls: list[str] = field(default_factory=list)
     answers: Identity | None = None
     """identity of a different vehicle that answers later"""
@@ -55,6 +59,12 @@ class StubLink:
 
     async def _do(self, name: str, *failures: type[Exception]) -> None:
         self.calls.append(name)
+        try:
+            await asyncio.sleep(self.takes_s)
+        except asyncio.CancelledError:
+            await asyncio.sleep(self.ends_s)
+            self.calls.append(f"{name} cancelled")
+            raise
         if isinstance(self.fails, failures):
             raise self.fails
 
