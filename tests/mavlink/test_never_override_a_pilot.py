@@ -15,7 +15,7 @@ from simulated_answers import refuse, refuse_heartbeats, stay_on_ground
 from swarmctl.core.records import replace
 from swarmctl.mavlink.procedures import basic
 
-OLD, NEW = plan(north=12, alt=10.0), plan(north=10, east=0.002, alt=10.0)
+OLD, NEW = plan(north=12, alt=10.0), plan(north=6, east=0.002, alt=10.0)
 AUTO, GUIDED, LOITER = 3, 4, 5
 MODE, ARM, START, CURRENT = 176, 400, 300, 224
 DELAY_S = 0.3

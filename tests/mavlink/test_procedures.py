@@ -1,4 +1,4 @@
-"""Whole jobs against a scripted copter: prepare, upload, launch, swap, hold; over good and bad wires."""
+"""Whole jobs against a simulated copter: prepare, upload, launch, swap, hold; over good and bad wires."""
 
 from __future__ import annotations
 
