@@ -24,6 +24,8 @@ WIRE, WATCHER = Endpoint("memory", "test"), Endpoint("memory", "watcher")
 BEGAN_US = 1_767_225_600_000_000
 HURRY = 25.0
 """speed-up: seconds of a copter's time in one second of the machine's clock"""
+SHORTEST_SLEEP_S = 0.005
+"""least time of the event loop between two steps, so that a busy machine keeps up [s]"""
 
 
 def play(story, *, real: bool = False) -> None:
@@ -148,7 +150,7 @@ class World:
     async def _move(self) -> None:
         while True:
             self._from(self.fleet.step(self.now_s()))
-            await asyncio.sleep(self.STEP_S / self.pace)
+            await asyncio.sleep(max(self.STEP_S / self.pace, SHORTEST_SLEEP_S))
 
     async def __aenter__(self):
         self._began_s = asyncio.get_running_loop().time()
