@@ -158,17 +158,16 @@ class Requests(Conversation[dict[K, A]], Generic[K, A]):
     def _send(self, now: float) -> list[Message]:
         """Return the requests to repeat, and new ones while there is room; end without a pending request."""
         due = [key for key, (_, sent_s) in self._pending.items() if now >= sent_s + self.REPEAT_PERIOD_S]
-        for key in due:
-            tries, _ = self._pending.pop(key)
-            if tries < self._tries:
-                self._pending[key] = tries + 1, now
-        while self._unsent and len(self._pending) < self._max_pending:
-            self._pending[self._unsent.pop(0)] = 1, now
+        tries = {key: self._pending.pop(key)[0] + 1 for key in due}
+        to_send = {key: n for key, n in tries.items() if n <= self._tries}
+        while self._unsent and len(self._pending) + len(to_send) < self._max_pending:
+            to_send[self._unsent.pop(0)] = 1
+        self._pending |= {key: (n, now) for key, n in to_send.items()}
         if not self._pending:
             self._finish(self._answers)
             return []
         self.next_deadline = min(sent_s for _, sent_s in self._pending.values()) + self.REPEAT_PERIOD_S
-        return [self._requests[key] for key, (_, sent_s) in self._pending.items() if sent_s == now]
+        return [self._requests[key] for key in to_send]
 
 
 def collect_messages(
