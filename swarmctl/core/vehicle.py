@@ -22,6 +22,9 @@ BRAKING_M_S2 = 1.75
 """Deceleration assumed for a copter's stop. The defaults of WPNAV_ACCEL (2.5) and MPC_ACC_HOR (3) are higher,
 but limits of the jerk and late telemetry make the stop longer."""
 
+VERTICAL_ACCELERATION_M_S2 = 1.0
+"""Acceleration with which a copter begins and ends a climb or descent: the default of WPNAV_ACCEL_Z."""
+
 START_DELAY_S = 1.9
 """`VehicleState.start_delay_s` assumed for an unknown vehicle: the delay of an ArduCopter, the longest."""
 

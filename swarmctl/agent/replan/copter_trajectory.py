@@ -12,7 +12,7 @@ from swarmctl.agent.replan import travel_time, wing_trajectory
 from swarmctl.agent.replan.climb import DESCENT_M_S, LIFT_S, climb_s
 from swarmctl.agent.replan.stopping import CORNER_M, STOPPED_M_S, MissionChange, split_track
 from swarmctl.agent.state import Task
-from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, brake
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint
@@ -154,9 +154,11 @@ def fly_through_change(
         if in_s > times_s[-1] + SAME_TIME_S:
             points.append(changes_at)
             times_s.append(in_s)
-        share = changes_m_s**2 / (2.0 * change.brakes_m_s2 * away_m)
-        changes_at = (changes_at[0] + share * along[0], changes_at[1] + share * along[1], changes_at[2])
-        in_s, changes_m_s = in_s + changes_m_s / change.brakes_m_s2, 0.0
+        velocity_m_s = (changes_m_s / away_m * along[0], changes_m_s / away_m * along[1])
+        stop = brake(changes_at, (*velocity_m_s, 0.0), in_s, brakes_m_s2=change.brakes_m_s2)
+        points += stop.points[1:]
+        times_s += stop.times_s[1:]
+        changes_at, in_s, changes_m_s = stop.points[-1], stop.times_s[-1], 0.0
         # A vehicle at a waypoint, but not at its height, climbs or descends there.
         if len(path) > 1 and math.dist(changes_at, (*path[0], new.height_m)) <= REACHED_M:
             path = path[1:]

@@ -38,10 +38,16 @@ from swarmctl.agent.traffic.check import (
     near_flights,
     standing_of,
 )
-from swarmctl.agent.traffic.own_flight import hold_from, planned_flight, position_amsl, to_shared_frame
+from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
-from swarmctl.agent.traffic.route_hold import follows_own_order, give_up, goes_second, hold_would_block
+from swarmctl.agent.traffic.route_hold import (
+    follows_own_order,
+    give_up,
+    goes_second,
+    hold_would_block,
+    would_block,
+)
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
@@ -121,10 +127,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
         for clash in clashes_with(flight, waited_for, limits)
         if clash.at_s < min(until_s, now_s + _conflict_horizon_s(waited_for[clash.other]))
     ]
-    east_m, north_m, up_m = hold_from(state, here, now_s).points[-1]
-    # A descending vehicle stops at once, or within about a second.
-    stops_at_m = {up_m, up_m + min(state.vehicle.climb_m_s, 0.0)}
-    if not clashes or any(hold_would_block(state, (east_m, north_m, z), others) for z in stops_at_m):
+    if not clashes or would_block(state):
         return state, []
     counts, n = state.conflicts.counts, len(clashes)
     counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)

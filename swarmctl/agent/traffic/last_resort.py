@@ -237,8 +237,7 @@ def _helps(stop: Trajectory, paths: Paths, others: Sequence[Paths], limits: Limi
 def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
     """Return the flights that another vehicle may take: first its intent, then straight on for some seconds.
 
-    A vehicle off its intent flies straight on.
-    A vehicle with a hold as its intent brakes. It may stop sooner than announced, also where it is now.
+    A vehicle off its intent flies straight on. A vehicle with a hold as its intent brakes.
     """
     now_s, report = state.vehicle.time_boot_s, state.neighbours.get(uav)
     path = None if report is None else predict(state, report)
@@ -248,9 +247,7 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
     if intent.straight is not None:
         return (straight,)
     if intent.flight.ends_in_hold:
-        here = straight.points[0]
-        until_s = now_s + _compared_s(state)
-        return intent.flight, Trajectory((now_s, until_s), (here, here))
+        return (intent.flight,)
     return intent.flight, straight.lasting(max(now_s, straight.times_s[0]) + STRAIGHT_ON_S)
 
 
@@ -270,7 +267,8 @@ def _own_paths(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, pl
 
 def _stop(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajectory:
     """Return the probable flight of a vehicle that stops now, heights above the sea."""
-    return brake(here, velocity_m_s, now_s, _compared_s(state), LIKELY_REACTION_S, LIKELY_BRAKING_M_S2)
+    stop = brake(here, velocity_m_s, now_s, LIKELY_REACTION_S, LIKELY_BRAKING_M_S2)
+    return stop.holding(_compared_s(state))
 
 
 def _later_stop(state: AgentState, flight: Trajectory, after_s: float, brakes_m_s2: float) -> Paths:
@@ -280,8 +278,9 @@ def _later_stop(state: AgentState, flight: Trajectory, after_s: float, brakes_m_
     before, there = until.at(brakes_s - SPEED_OVER_S), until.points[-1]
     if before is None:
         return (until,)
-    velocity_m_s = (there[0] - before[0]) / SPEED_OVER_S, (there[1] - before[1]) / SPEED_OVER_S, 0.0
-    return until, brake(there, velocity_m_s, brakes_s, _compared_s(state), brakes_m_s2=brakes_m_s2)
+    (e0, n0, u0), (e1, n1, u1) = before, there
+    velocity_m_s = (e1 - e0) / SPEED_OVER_S, (n1 - n0) / SPEED_OVER_S, (u1 - u0) / SPEED_OVER_S
+    return until, brake(there, velocity_m_s, brakes_s, brakes_m_s2=brakes_m_s2).holding(_compared_s(state))
 
 
 def _compared_s(state: AgentState) -> float:

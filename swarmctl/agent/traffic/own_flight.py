@@ -148,9 +148,14 @@ def _lands_beyond(state: AgentState, distance_m: float) -> bool:
 
 
 def hold_from(state: AgentState, here: LocalPoint, begin_s: float) -> Trajectory:
-    """Return the flight of a vehicle that brakes from its present velocity at its height, and holds."""
-    velocity_m_s = state.vehicle.east_m_s, state.vehicle.north_m_s, 0.0
-    return brake(here, velocity_m_s, begin_s, HOLD_DURATION_S)
+    """Return the flight of a vehicle that brakes from its present velocity, and holds."""
+    return stop_from(state, here, begin_s).holding(HOLD_DURATION_S)
+
+
+def stop_from(state: AgentState, here: LocalPoint, begin_s: float) -> Trajectory:
+    """Return the flight of a vehicle that brakes from its present velocity, up to its stop."""
+    vehicle = state.vehicle
+    return brake(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), begin_s)
 
 
 def _hold_at_last_position(state: AgentState) -> Trajectory | None:
@@ -303,8 +308,8 @@ def _from_stop(state: AgentState, here: LocalPoint, go_on: Callable[[LocalPoint]
     """Return a trajectory that begins with a stop straight ahead; `go_on` returns the rest from there on."""
     if state.task.wings is not None or state.vehicle.ground_speed_m_s < STANDING_M_S:
         return go_on(here)
-    braking = hold_from(state, here, 0.0)
-    return go_on(braking.points[1]).after(here, braking.times_s[1])
+    stop = stop_from(state, here, 0.0)
+    return stop.then(go_on(stop.points[-1]))
 
 
 def _descends_vertically(here: LocalPoint, points_ahead: Sequence[PlanarPoint], height_m: float) -> bool:

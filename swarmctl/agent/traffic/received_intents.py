@@ -58,7 +58,7 @@ def with_reported_holds(state: AgentState) -> AgentState:
         shared = report.state
         if shared.waits and shared.hovers and shared.alt_rel_m >= AIRBORNE_M:
             here = report.east_m, report.north_m, reported_amsl_m(state, report)
-            flight = brake(here, shared.velocity_m_s, report.at_s, HOLD_DURATION_S)
+            flight = brake(here, shared.velocity_m_s, report.at_s).holding(HOLD_DURATION_S)
             holds[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=report.at_s)
     return with_traffic(state, intents={**intents, **holds}) if holds else state
 

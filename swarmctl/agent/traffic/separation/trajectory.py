@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.core.planar import PlanarPoint, share_of_leg
-from swarmctl.core.vehicle import BRAKING_M_S2
+from swarmctl.core.vehicle import BRAKING_M_S2, VERTICAL_ACCELERATION_M_S2
 
 LocalPoint = tuple[float, float, float]
 """east, north, up [m]"""
@@ -23,7 +23,7 @@ Boxes = NDArray[np.float64]
 DRIFT_M_S = 0.8
 """Horizontal speed below which a vehicle drifts in the wind, and comes back to its place [m/s]."""
 LEAST_BRAKING_S = 0.1
-"""Duration of braking below which a flight counts as a hold from its begin [s]."""
+"""Least time between two points of a stop [s]."""
 
 
 class Segment(msgspec.Struct, frozen=True):
@@ -140,6 +140,15 @@ class Trajectory(msgspec.Struct, frozen=True, dict=True):
     def later(self, seconds: float) -> Trajectory:
         """Return the same flight, shifted in time."""
         return Trajectory(tuple([t + seconds for t in self.times_s]), self.points)
+
+    def holding(self, for_s: float) -> Trajectory:
+        """Return the flight with a stay of `for_s` at its last point."""
+        return self.lasting(self.times_s[-1] + for_s)
+
+    def then(self, other: Trajectory) -> Trajectory:
+        """Return this flight, continued by another one that begins at its last point at 0 s."""
+        times_s = [self.times_s[-1] + t for t in other.times_s[1:]]
+        return Trajectory((*self.times_s, *times_s), (*self.points, *other.points[1:]))
 
     def after(self, here: LocalPoint, seconds: float) -> Trajectory:
         """Return a flight that begins `here` at 0 s, and goes on by this flight `seconds` later."""
@@ -261,18 +270,34 @@ def brake(
     here: LocalPoint,
     velocity_m_s: LocalPoint,
     from_s: float,
-    for_s: float,
     reacts_s: float = 0.0,
     brakes_m_s2: float = BRAKING_M_S2,
 ) -> Trajectory:
-    """Return the flight of a copter that brakes from a velocity (east, north, up) [m/s], and then holds.
+    """Return the flight of a copter that brakes from a velocity (east, north, up) [m/s], up to its stop.
 
-    The braking begins `reacts_s` after `from_s`, and the flight ends `for_s` after the stop.
+    The braking begins `reacts_s` after `from_s`. A climb or descent ends by VERTICAL_ACCELERATION_M_S2.
+    The flight has points at the begin, in the middle and at the end of braking, and at the end of a climb.
     """
     (e, n, u), (ve, vn, vu) = here, velocity_m_s
-    brakes_s = math.hypot(ve, vn) / brakes_m_s2
-    away_s, stops_s = reacts_s + 0.5 * brakes_s, from_s + reacts_s + brakes_s
-    stop = (e + ve * away_s, n + vn * away_s, u + 0.5 * vu * reacts_s)
-    if stops_s - from_s < LEAST_BRAKING_S:
-        return Trajectory((from_s, from_s + for_s), (stop, stop))
-    return Trajectory((from_s, stops_s, stops_s + for_s), (here, stop, stop))
+    level_s, vertical_s = math.hypot(ve, vn) / brakes_m_s2, abs(vu) / VERTICAL_ACCELERATION_M_S2
+    times_s, points = [from_s], [here]
+    for braked_s in sorted((0.0, 0.5 * level_s, level_s, vertical_s)):
+        at_s = from_s + reacts_s + braked_s
+        if at_s < from_s + LEAST_BRAKING_S:
+            continue
+        if len(times_s) > 1 and at_s < times_s[-1] + LEAST_BRAKING_S:
+            times_s.pop()
+            points.pop()
+        along_s, up_s = (
+            reacts_s + _at_speed_s(level_s, braked_s),
+            reacts_s + _at_speed_s(vertical_s, braked_s),
+        )
+        times_s.append(at_s)
+        points.append((e + ve * along_s, n + vn * along_s, u + vu * up_s))
+    return Trajectory(tuple(times_s), tuple(points))
+
+
+def _at_speed_s(braking_s: float, after_s: float) -> float:
+    """Return the time at full speed [s] for the distance of a braking of `braking_s` after `after_s`."""
+    braked_s = min(after_s, braking_s)
+    return braked_s - 0.5 * braked_s * braked_s / braking_s if braking_s > 0.0 else 0.0
