@@ -43,6 +43,14 @@ def test_a_copter_that_climbs_after_its_take_off_counts_as_one_that_flies_on(
     assert orders(story.at(110.0)) == then
 
 
+def test_a_vehicle_that_sinks_from_its_announced_height_counts_with_its_present_velocity() -> None:
+    story, ahead_m = ApproachStory(), 152.0
+    path = intent_path((0.0, ahead_m, MID_M[1], AMSL_M + 7.0), (30.0, ahead_m, MID_M[1], AMSL_M + 7.0))
+    story.tell(intents=((1, 0.0, IntentShared(1, path)),))
+    story.other(1, ahead_m, MID_M[1], (0.0, 0.0, -1.0), alt_rel_m=35.5)
+    assert orders(story.at(110.0)) == [ev.FlightOrder.HOLD]
+
+
 def test_a_vehicle_does_not_stop_where_a_faster_one_is_about_to_pass_by_its_announced_flight() -> None:
     story, east_m = ApproachStory(), 150.0
     story.other(1, east_m - 35.0, MID_M[1] + 9.0, (14.0, -1.8, 0.0))

@@ -26,7 +26,6 @@ from swarmctl.agent.traffic.check import (
     come_within,
     known_flights,
     may_meet_anyone,
-    near_flights,
     share_of,
 )
 from swarmctl.agent.traffic.landing_queue import HOLD_BEFORE_DESCENT_S, hold_before_landing
@@ -90,10 +89,7 @@ def stop_in_time(state: AgentState) -> StepResult:
         plan = until_landing(plan)  # over the goal the landing queue decides
     plan = plan.lasting(now_s + look_ahead_s)
     mine = _own_paths(state, here, velocity, plan)
-    flights = known_flights(state)
-    others = {uav: f for path in mine for uav, f in near_flights(path, flights, limits).items()}
-    if not others:
-        return state, []
+    others = known_flights(state)
     stop, late_stop = _stop(state, here, velocity, now_s), _later_stop(state, plan, REACTS_S, BRAKING_M_S2)
     to_avoid = frozenset(
         uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, late_stop, uav, flight)
