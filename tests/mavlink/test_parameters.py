@@ -14,6 +14,7 @@ from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.parameters import Parameter, encoded, read_parameters, set_parameters
+from swarmctl.mavlink.protocol.wait import Requests
 
 WHOLE = {"ardupilot": "FENCE_ENABLE", "px4": "NAV_DLL_ACT"}
 REAL = {"ardupilot": "FENCE_ALT_MAX", "px4": "GF_MAX_VER_DIST"}
@@ -45,6 +46,21 @@ def test_more_names_than_a_vehicle_queues_are_read(personality):
     names = [name for name, _ in list(bench.params.items())[:40]]
     found = read(bench, *names)
     assert found == pytest.approx({name: bench.params[name] for name in names}, rel=1e-6)
+
+
+def test_a_vehicle_that_answers_slowly_gets_each_request_once():
+    """It answers two requests a second, one after the other, so that the last of ten waits for 5 s."""
+    requests = {n: mavlink.MAVLink_param_request_read_message(1, 1, b"", n) for n in range(26)}
+    asked = Requests(requests, lambda m, _now: (m.param_index, m), tries=10, max_pending=10)
+    waiting = asked.start(0.0)
+    n_sent = len(waiting)
+    for now in range(1, 14):
+        new = asked.tick(now - 0.5) + asked.receive(waiting.pop(0), now - 0.5)
+        new += asked.tick(float(now)) + asked.receive(waiting.pop(0), float(now))
+        n_sent += len(new)
+        waiting += new
+    assert sorted(asked.result) == sorted(requests)
+    assert n_sent == len(requests)
 
 
 @BOTH

@@ -51,12 +51,16 @@ def count_rally_points(ctx: Context) -> Procedure[RallyPoints]:
         return RALLY, RallyPoints(None, failure)
 
     request = mavlink.MAVLink_mission_request_list_message(*to, mission_type=RALLY)
-    answers: dict[int, RallyPoints] = yield Requests(
-        {RALLY: request}, answer_to, lambda _key, found: found.count is not None, tries=TRIES
-    )
     # The end of the transfer; otherwise PX4 would wait for the next request.
     end = mavlink.MAVLink_mission_ack_message(
         *to, mavlink.MAV_MISSION_OPERATION_CANCELLED, mission_type=RALLY
+    )
+    answers: dict[int, RallyPoints] = yield Requests(
+        {RALLY: request},
+        answer_to,
+        lambda _key, found: found.count is not None,
+        tries=TRIES,
+        closing=[end],
     )
     yield SendUntil(end, lambda: True, 0.0)
     return answers.get(RALLY) or RallyPoints(None, f"no number after {TRIES} requests: no answer")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Generic, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -107,13 +107,14 @@ class RequestUntil(SendUntil):
 
 
 class Requests(Conversation[dict[K, A]], Generic[K, A]):
-    """Several requests by key, each repeated every second until its answer, at most `tries` times.
+    """Several requests by key, repeated after each second without an answer, at most `tries` times each.
 
     The result has the last answer of each key; a key without an answer has no entry.
 
     answer_to: returns key and content of an answer that arrives at a time [s]; None for other messages
     confirms: returns whether an answer ends its request
     max_pending: greatest number of requests under way
+    closing: messages that end the exchange on the vehicle, after a cancellation
     """
 
     REPEAT_PERIOD_S = 1.0
@@ -126,16 +127,18 @@ class Requests(Conversation[dict[K, A]], Generic[K, A]):
         *,
         tries: float = math.inf,
         max_pending: float = math.inf,
+        closing: Sequence[Message] = (),
     ) -> None:
         super().__init__()
         self._requests = requests
+        self._closing = closing
         self._answer_to = answer_to
         self._confirms = confirms
         self._tries = tries
         self._max_pending = max_pending
         self._unsent = list(requests)
         self._pending: dict[K, tuple[int, float]] = {}
-        """number of tries of each unanswered request, and time of the last try [s]"""
+        """number of tries of each unanswered request, and the time from which its wait counts [s]"""
         self._answers: dict[K, A] = {}
 
     def _begin(self, now: float) -> list[Message]:
@@ -150,14 +153,19 @@ class Requests(Conversation[dict[K, A]], Generic[K, A]):
         if not self._confirms(key, answer):
             return []
         del self._pending[key]
+        # A slow vehicle answers one request after the other: repeated requests would fill its queue.
+        self._pending = {key: (n, now) for key, (n, _) in self._pending.items()}
         return self._send(now)
 
     def _on_deadline(self, now: float) -> list[Message]:
         return self._send(now)
 
+    def _closing_messages(self, now: float) -> list[Message]:
+        return list(self._closing)
+
     def _send(self, now: float) -> list[Message]:
         """Return the requests to repeat, and new ones while there is room; end without a pending request."""
-        due = [key for key, (_, sent_s) in self._pending.items() if now >= sent_s + self.REPEAT_PERIOD_S]
+        due = [key for key, (_, since_s) in self._pending.items() if now >= since_s + self.REPEAT_PERIOD_S]
         tries = {key: self._pending.pop(key)[0] + 1 for key in due}
         to_send = {key: n for key, n in tries.items() if n <= self._tries}
         while self._unsent and len(self._pending) + len(to_send) < self._max_pending:
@@ -166,7 +174,7 @@ class Requests(Conversation[dict[K, A]], Generic[K, A]):
         if not self._pending:
             self._finish(self._answers)
             return []
-        self.next_deadline = min(sent_s for _, sent_s in self._pending.values()) + self.REPEAT_PERIOD_S
+        self.next_deadline = min(since_s for _, since_s in self._pending.values()) + self.REPEAT_PERIOD_S
         return [self._requests[key] for key in to_send]
 
 
