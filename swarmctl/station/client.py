@@ -39,6 +39,7 @@ AGENT_SILENT = (
     "the vehicle's agent does not answer: the flight has ended, or `swarmctl agent` does not run or has no "
     "connection to the network [agent-silent]"
 )
+CHECK_TABLE = "The command may have had an effect; check the flight's table, or repeat the command"
 A = TypeVar("A")
 
 
@@ -214,6 +215,8 @@ class Receiver(msgspec.Struct, frozen=True):
     """the receiver, for messages"""
     absent: str
     """message if no process serves the key"""
+    advice: str
+    """effect of a request without an answer in time, and what to do"""
     uav: int | None = None
     """vehicle whose agent has its own keys or its own token; None: the process that flies all vehicles"""
 
@@ -237,8 +240,7 @@ async def exchange(
         raise NoValidAnswer(str(error), "refused") from None
     except TimeoutError:
         raise NoValidAnswer(
-            f"{name} did not answer within {TIMEOUT_S:g} s. The request may have had an effect; check the "
-            "flight's table, or repeat the request [no-answer]"
+            f"{name} did not answer within {TIMEOUT_S:g} s. {receiver.advice} [no-answer]"
         ) from None
     if not answers:
         raise NoValidAnswer(receiver.absent, "silent")
@@ -246,31 +248,27 @@ async def exchange(
     for data in answers:
         with contextlib.suppress(BadMessage):
             verified.append(signing.verify_answer(receiver.uav, receiver.key, payload, data))
-    dropped = _dropped_text(len(answers) - len(verified))
+    n_dropped = len(answers) - len(verified)
+    dropped = f"answers without the receiver's signature: {n_dropped}"
     if not verified:
-        raise NoValidAnswer(f"{name} gives no valid answer: {dropped}")
+        raise NoValidAnswer(
+            f"{name} gives no valid answer; {dropped}. The receiver has another token or other keys and "
+            "refused the request, or another program answers. Send the request as the user of the flight, or "
+            "set SWARMCTL_TOKEN_FILE for both [wrong-token]"
+        )
     if len(verified) > 1:
         raise NoValidAnswer(
             f"{len(verified)} processes answer for {name}, so the result of the request is unknown; end all "
             "processes but one, and check the remaining flight's table"
         )
     try:
-        return decode(verified[0]), dropped
+        answer = decode(verified[0])
     except ValueError as error:
         raise NoValidAnswer(
             f"{name} sent an invalid answer: {error}. The request may have had an effect; the receiver may "
             "run another version of this program"
         ) from error
-
-
-def _dropped_text(n_dropped: int) -> str:
-    if not n_dropped:
-        return ""
-    return (
-        f"{n_dropped} answer{'s' if n_dropped > 1 else ''} without the receiver's signature: it has other "
-        "keys or another token and refused the request, or another program answers; send the request as the "
-        "user of the flight, or set SWARMCTL_TOKEN_FILE for both [wrong-token]"
-    )
+    return answer, f"{dropped}; another program answers, and was ignored" if n_dropped else ""
 
 
 async def ask(
@@ -283,9 +281,9 @@ async def ask(
         f"no swarm {flight.swarm} answers at {flight.endpoint}, or the swarm's queue of commands is full; "
         "nothing was changed [not-served]"
     )
-    receiver = Receiver(keys.request(flight.swarm, KINDS[type(command)]), flight.text, absent)
-    answer, _ = await exchange(bus, receiver, encode(command), signing, decode_answer)
-    return answer
+    receiver = Receiver(keys.request(flight.swarm, KINDS[type(command)]), flight.text, absent, CHECK_TABLE)
+    answer, dropped = await exchange(bus, receiver, encode(command), signing, decode_answer)
+    return replace(answer, vehicles=tuple(_noted(vehicle, dropped) for vehicle in answer.vehicles))
 
 
 async def report(
@@ -302,7 +300,8 @@ async def report(
         "or `both` [no-report-receiver]"
     )
     key = keys.sensor_report(flight.swarm, uav)
-    receiver = Receiver(key, flight.text, absent, uav if flight.agents else None)
+    advice = "The vehicle may have accepted the report; a repeated report counts as a second observation"
+    receiver = Receiver(key, flight.text, absent, advice, uav if flight.agents else None)
     encoded, decode = sensor_reports.encode(observed), sensor_reports.decode_answer
     answer, _ = await exchange(bus, receiver, encoded, signing, decode)
     return answer
@@ -322,18 +321,22 @@ async def _ask_each(
 
     async def ask_agent(uav: int) -> VehicleAnswer:
         key, name = keys.request(flight.swarm, KINDS[type(command)], uav), flight.agents[uav]
-        receiver = Receiver(key, "the vehicle's agent", AGENT_SILENT, uav)
+        receiver = Receiver(key, "the vehicle's agent", AGENT_SILENT, CHECK_TABLE, uav)
         request = encode(replace(command, uavs=(uav,)))
         try:
             answer, dropped = await exchange(bus, receiver, request, signing, decode_answer)
         except NoValidAnswer as error:
             return VehicleAnswer(uav, name, error.outcome, note=str(error))
-        vehicle = _vehicle_answer(uav, name, answer)
-        if not dropped:
-            return vehicle
-        return replace(vehicle, note=extended(vehicle.note, f"; {dropped}") if vehicle.note else dropped)
+        return _noted(_vehicle_answer(uav, name, answer), dropped)
 
     return OperatorAnswer(tuple(await asyncio.gather(*map(ask_agent, uavs))))
+
+
+def _noted(vehicle: VehicleAnswer, note: str) -> VehicleAnswer:
+    """Return a vehicle's answer with one more note, if there is one."""
+    if not note:
+        return vehicle
+    return replace(vehicle, note=extended(vehicle.note, f"; {note}") if vehicle.note else note)
 
 
 def _vehicle_answer(uav: int, name: str, answer: OperatorAnswer) -> VehicleAnswer:
