@@ -160,11 +160,11 @@ class DirectLink:
     async def ask(self, subject: str, procedure: Callable[[Context], Procedure[R]]) -> R:
         """Run a procedure on the ground, after uploads and other such procedures; return its result.
 
-        Raises LinkError after an interruption.
+        Raises LinkError after an interruption, and for a failure of a procedure that returns `Done`.
         """
         async with self._ground_lock:
-            result: R | Done = await self._perform(subject, procedure)
-        if isinstance(result, Done):
+            result: R = await self._perform(subject, procedure)
+        if isinstance(result, Done) and result.failure is not None:
             raise LinkError(f"{self._label}: {subject}: {result.failure}")
         return result
 

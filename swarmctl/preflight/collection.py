@@ -115,6 +115,7 @@ class FactCollector:
             return (), str(error)
 
     async def _ask(self, vehicle: VehicleToCheck, required: RequiredParameters) -> Answers:
+        """Return the answers of a vehicle; none after an interruption, so that the checks fail."""
         try:
             answers = await vehicle.runner.link.ask("preflight", partial(inspect, required=required[0]))
         except LinkError as error:

@@ -7,10 +7,12 @@ from functools import partial
 
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts, count_crossings
 from swarmctl.agent.traffic.separation.trajectory import until_landing
+from swarmctl.links.base import LinkError
+from swarmctl.mavlink.procedures.fence import fence_items, put_fence
 from swarmctl.preflight.checks import CHECKS, separation
 from swarmctl.preflight.collection import FactCollector, VehicleToCheck
 from swarmctl.preflight.facts import PreflightFacts, changes
-from swarmctl.preflight.inspection import set_up
+from swarmctl.preflight.inspection import correct_parameters
 from swarmctl.preflight.results import CheckResult
 from swarmctl.preflight.waivers import Waiver
 
@@ -50,14 +52,18 @@ class Preflight:
         does not answer.
         """
         required, _ = self._collector.required_parameters(vehicle) if self._sets_parameters else ((), "")
-        procedure = partial(set_up, wrong=required, polygon=self._collector.fence_polygon)
-        done = await vehicle.runner.link.ask("set up", procedure)
-        texts = list(done.failures)
+        link, name = vehicle.runner.link, vehicle.spec.name
+        done = await link.ask("set parameters", partial(correct_parameters, required=required))
+        if done.failure:
+            self._say(f"{name}: {done.failure}")
         if done.written:
             text = "parameters written permanently, as the configuration declares"
-            texts.append(f"{text}: {changes(done.written, done.found)}")
-        for text in texts:
-            self._say(f"{vehicle.spec.name}: {text}")
+            self._say(f"{name}: {text}: {changes(done.written, done.found)}")
+        items = fence_items(self._collector.fence_polygon)
+        try:
+            await link.ask("upload fence", partial(put_fence, items=items))
+        except LinkError as error:
+            self._say(f"{error}; the fence is not verified on the vehicle")
 
     async def failures(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]

@@ -1,4 +1,4 @@
-"""Procedures of preflight on a vehicle on the ground: set it up, and ask for all that the checks read. Pure.
+"""Procedures of preflight on a vehicle on the ground: correct parameters, request the facts for checks. Pure.
 
 Nothing here arms a vehicle.
 """
@@ -9,8 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
-from swarmctl.core.geo import LatLon
-from swarmctl.mavlink.procedures.fence import enable_fence, fence_items, put_fence, read_fence
+from swarmctl.mavlink.procedures.fence import enable_fence, read_fence
 from swarmctl.mavlink.procedures.rally import count_rally_points
 from swarmctl.mavlink.protocol.mission_download import DownloadOutcome
 from swarmctl.mavlink.protocol.parameters import read_parameters, set_parameters
@@ -22,27 +21,23 @@ from swarmctl.preflight.policy.required import RequiredParameter, corrections
 FENCE_SELECTION = frozenset({"FENCE_ENABLE", "FENCE_TYPE"})
 
 
-class SetUp(msgspec.Struct, frozen=True):
-    """Result of a set-up. The checks find its failures again."""
+class Corrected(msgspec.Struct, frozen=True):
+    """Result of a correction of parameters. The checks find its failure again."""
 
     found: Mapping[str, float]
-    """reported values of the parameters to correct, by name"""
+    """reported values of the required parameters, by name"""
     written: Mapping[str, float]
     """corrected values, by name"""
-    failures: tuple[str, ...]
+    failure: str = ""
 
 
-def set_up(ctx: Context, wrong: Sequence[RequiredParameter], polygon: Sequence[LatLon]) -> Procedure[SetUp]:
-    """Correct the parameters of `wrong` that are not accepted, and upload the fence."""
-    failures = []
-    found = yield from _values(ctx, wrong)
-    written = corrections(wrong, found)
+def correct_parameters(ctx: Context, required: Sequence[RequiredParameter]) -> Procedure[Corrected]:
+    """Write the required parameters whose reported values are not accepted."""
+    found = yield from _values(ctx, required)
+    written = corrections(required, found)
     if written and (failure := (yield from set_parameters(ctx, written)).failure):
-        failures.append(f"the parameters are not all set: {failure}")
-        written = {}
-    if failure := (yield from put_fence(ctx, fence_items(polygon))).failure:
-        failures.append(f"the fence is not verified on the vehicle: {failure}")
-    return SetUp(found, written, tuple(failures))
+        return Corrected(found, {}, f"the parameters are not all set: {failure}")
+    return Corrected(found, written)
 
 
 def inspect(ctx: Context, required: Sequence[RequiredParameter]) -> Procedure[Answers]:
