@@ -64,7 +64,7 @@ class LinkWire:
         self._senders, self._sysid = SenderAddresses(), 0  # 0: no vehicle is followed
         self._is_udp = url.is_udp
         callbacks = LinkCallbacks(self._received, lambda _peer: None, warn)
-        self._link = make_link(url, callbacks, vehicles=())
+        self._link = make_link(url, callbacks, vehicles=(0,))  # the suite is the one sender
         try:
             self._run(self._link.open)
         except LinkError as error:
@@ -105,7 +105,7 @@ class LinkWire:
             self._wait(RESEND_S)  # until the line has taken earlier data
 
     def _send(self, data: bytes) -> None:
-        address = self._senders.address(self._sysid)
+        address = self._senders.address(self._sysid) if self._sysid else None
         if isinstance(self._link, UdpIn) and address is not None:
             self._link.send_to(address, data)
         else:

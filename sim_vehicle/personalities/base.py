@@ -58,7 +58,7 @@ class CommandRules:
 
 @dataclass(frozen=True, slots=True)
 class MessageRules:
-    """Other received messages, and messages on request: `receivers`, `one_shot_messages`."""
+    """Received messages except HEARTBEAT, and messages on request: `receivers`, `one_shot_messages`."""
 
     # message type -> handler (vehicle, message, time [s]); messages without a handler are ignored
     receivers: Mapping[str, Callable[[Vehicle, Any, float], None]]
@@ -93,7 +93,7 @@ class TelemetryRules:
 
 @dataclass(frozen=True, slots=True)
 class MissionRules:
-    """The mission, its transfer and its landing: `autopilot`, `modes`, `failsafe`."""
+    """The mission, its transfer and its landing."""
 
     make: type[Mission]
     transfer: Callable[[Vehicle], Any]  # the vehicle's side of the mission protocol

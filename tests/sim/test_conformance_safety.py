@@ -193,6 +193,18 @@ def test_a_burst_beyond_the_backlog_of_a_connection_is_sent_whole() -> None:
     assert len(received) == n_pieces * len(piece)
 
 
+def test_data_goes_to_a_udp_port_and_comes_back_from_it() -> None:
+    with socket.socket(type=socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", 0))
+        peer.settimeout(10.0)
+        wire = LinkWire(parse_url(f"udpout:127.0.0.1:{peer.getsockname()[1]}"), 1.0)
+        with contextlib.closing(wire):
+            wire.send(b"asked")
+            data, address = peer.recvfrom(100)
+            peer.sendto(b"answered", address)
+            assert (data, wire.receive(10.0)) == (b"asked", b"answered")
+
+
 def test_a_frame_goes_to_the_followed_vehicle_of_a_udp_port_alone() -> None:
     with contextlib.ExitStack() as stack:
         first, second = (stack.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(2))

@@ -54,6 +54,11 @@ def _is_data(log_id: int, offset: int, message: Any) -> bool:
     return bool(message.id == log_id and message.ofs == offset)
 
 
+def _is_beyond(entry: Any, message: Any) -> bool:
+    """Return whether a LOG_DATA has bytes beyond the size of its log."""
+    return bool(message.id == entry.id and message.count and message.ofs + message.count > entry.size)
+
+
 def _data(vehicle: VehicleUnderTest, log_id: int, offset: int, count: int) -> bytes:
     """Return up to `count` bytes of a log.
 
@@ -61,6 +66,8 @@ def _data(vehicle: VehicleUnderTest, log_id: int, offset: int, count: int) -> by
     """
     found = bytearray()
     for _ in range(REQUESTS):
+        if len(found) >= count:
+            break
         request = log_id, offset + len(found), count - len(found)
         mark = vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, *request))
         while len(found) < count:
@@ -71,8 +78,6 @@ def _data(vehicle: VehicleUnderTest, log_id: int, offset: int, count: int) -> by
             found += bytes(message.data[: message.count])
             if message.count < CHUNK:  # the end of the log
                 return bytes(found)
-        if len(found) >= count:
-            break
     return bytes(found[:count])
 
 
@@ -131,8 +136,11 @@ def same_in_one_or_two_reads(vehicle: VehicleUnderTest) -> str:
 def end_of_log(vehicle: VehicleUnderTest) -> str:
     """A read beyond the end of a log brings only the bytes up to the size in LOG_ENTRY."""
     entry = _newest(vehicle)
+    mark = vehicle.mark()
     seen = _data(vehicle, entry.id, max(0, entry.size - 40), 200)
+    beyond = vehicle.wait_for("LOG_DATA", partial(_is_beyond, entry), within_s=1.0, mark=mark)
     _end_transfer(vehicle)
+    holds(beyond is None, "LOG_DATA has bytes beyond the size of the log")
     equal(len(seen), min(40, entry.size), "bytes up to the end")
     return f"{len(seen)} bytes"
 
