@@ -1,8 +1,8 @@
 """The events of a vehicle's session, and the vehicle's identity.
 
-A session reports what an agent acts on as the agent's own events. A new state comes at once with a position,
-with a change of mode, arming or `other_mission`, and with the first heartbeat after a loss; with other
-telemetry about 1 s after the last state.
+State, loss, restoration and reboot are reported as the agent's own events. A new state comes at once with a
+position, with a change of mode, arming or `other_mission`, and with the first heartbeat after a loss; with
+other telemetry about 1 s after the last state.
 """
 
 from __future__ import annotations

@@ -43,7 +43,6 @@ ARM, START, SET_CURRENT, SET_MODE, FENCE = (
     mavlink.MAV_CMD_DO_FENCE_ENABLE,
 )
 AUTOPILOT_VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
-REFUSED_ITEM = parse_fault("mission_refused:result=invalid,at_item=2")
 EAST = SetPoint((4.0, 0.0, 0.0))
 
 

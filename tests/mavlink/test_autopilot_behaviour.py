@@ -10,7 +10,6 @@ from swarmctl.core.records import replace
 from swarmctl.mavlink.procedures import basic
 
 OLD, NEW = plan(north=8), plan(north=5, east=0.001)
-PARTIAL = "MISSION_WRITE_PARTIAL_LIST"
 
 
 def orders(message) -> bool:

@@ -1,4 +1,4 @@
-"""`Dialect`: what differs between autopilots, with the values of most of them."""
+"""`Dialect`: the differences between autopilots, with the usual values."""
 
 from __future__ import annotations
 

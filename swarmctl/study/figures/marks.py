@@ -1,4 +1,4 @@
-"""What several kinds of figures share: lines with bands, rows of dots with intervals, names of series."""
+"""Marks of several kinds of figures: lines with bands, rows of dots with intervals, names of series."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def _draw(axes: Axes, spec: Tradeoff, study: Study, x: Estimates, y: Estimates) 
 
 
 def _label(axes: Axes, x: Floats, y: Floats, names: Sequence[str]) -> None:
-    """Write the names of points of a curve beside it, by turns above and below, where they do not meet."""
+    """Write the names of points beside a curve, alternately above and below it."""
     rises = (y[-1] > y[0]) == (x[-1] > x[0])
     for index, name in enumerate(names):
         up = 1 if index % 2 == 0 else -1

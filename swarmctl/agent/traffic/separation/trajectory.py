@@ -22,7 +22,7 @@ Boxes = NDArray[np.float64]
 
 DRIFT_M_S = 0.8
 """Horizontal speed below which a vehicle drifts in the wind, and comes back to its place [m/s]."""
-LEAST_BRAKING_S = 0.1
+LEAST_GAP_S = 0.1
 """Least time between two points of a stop [s]."""
 
 
@@ -146,7 +146,7 @@ class Trajectory(msgspec.Struct, frozen=True, dict=True):
         return self.lasting(self.times_s[-1] + for_s)
 
     def then(self, other: Trajectory) -> Trajectory:
-        """Return this flight, continued by another one that begins at its last point at 0 s."""
+        """Return this flight and then `other`, which begins at 0 s at the last point of this flight."""
         times_s = [self.times_s[-1] + t for t in other.times_s[1:]]
         return Trajectory((*self.times_s, *times_s), (*self.points, *other.points[1:]))
 
@@ -283,9 +283,9 @@ def brake(
     times_s, points = [from_s], [here]
     for braked_s in sorted((0.0, 0.5 * level_s, level_s, vertical_s)):
         at_s = from_s + reacts_s + braked_s
-        if at_s < from_s + LEAST_BRAKING_S:
+        if at_s < from_s + LEAST_GAP_S:
             continue
-        if len(times_s) > 1 and at_s < times_s[-1] + LEAST_BRAKING_S:
+        if len(times_s) > 1 and at_s < times_s[-1] + LEAST_GAP_S:
             times_s.pop()
             points.pop()
         along_s, up_s = (
@@ -298,6 +298,6 @@ def brake(
 
 
 def _at_speed_s(braking_s: float, after_s: float) -> float:
-    """Return the time at full speed [s] for the distance of a braking of `braking_s` after `after_s`."""
+    """Return the time [s] in which full speed covers the distance that a braking covers in `after_s`."""
     braked_s = min(after_s, braking_s)
     return braked_s - 0.5 * braked_s * braked_s / braking_s if braking_s > 0.0 else 0.0
