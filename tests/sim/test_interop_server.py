@@ -80,7 +80,7 @@ def test_all_bad_arguments_are_reported_at_once() -> None:
     done = run("--home", "x", "--wind", "y", "--fault", "z", "--param", "w", "--url", "v")
     assert done.returncode == 2
     starts = [text.split()[1] for text in done.stderr.splitlines()]
-    assert sorted(starts) == ["--fault", "--home", "--param", "--url", "--wind"]
+    assert sorted(starts) == ["--fault", "--home", "--param", "--wind", "URL"]
 
 
 def test_the_fleet_ends_with_its_parent_process() -> None:
