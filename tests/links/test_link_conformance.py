@@ -75,7 +75,7 @@ def test_a_whole_flight_with_a_swap(kind):
             assert link.state().ready
             await link.upload(north_of_home(8))
             await link.launch()
-            assert link.state().alt_rel_m > 0.5
+            assert link.state().alt_rel_m > 0.1
             await until(lambda: link.state().mission_seq == 3)
             await link.swap(north_of_home(6, east=0.002))
             assert [i.command for i in link.items()] == [16, 22, *[16] * 8, 21, *[16] * 6, 21]

@@ -51,15 +51,16 @@ def test_a_request_waits_for_a_newer_heartbeat():
     assert again.result is True
 
 
-def test_missing_messages_are_requested_again_every_second():
+def test_missing_messages_are_requested_again_after_each_second_without_an_answer():
     pending = collect_messages(PEER, (148, 2), tries=3)
     assert [m.param1 for m in pending.start(0.0)] == [148.0, 2.0]
     assert pending.tick(0.5) == []
     assert [m.param1 for m in pending.tick(1.0)] == [148.0, 2.0]
     message = mavlink.MAVLink_autopilot_version_message(0, 1, 0, 0, 0, b"", b"", b"", 0, 0, 0)
     pending.receive(message, 1.5)
-    assert [m.param1 for m in pending.tick(2.0)] == [2.0]
-    assert (pending.tick(3.0), pending.result) == ([], {148: (message, 1.5)})
+    assert pending.tick(2.0) == []
+    assert [m.param1 for m in pending.tick(2.5)] == [2.0]
+    assert (pending.tick(3.5), pending.result) == ([], {148: (message, 1.5)})
 
 
 @pytest.mark.parametrize(
