@@ -207,21 +207,22 @@ def known_flights(state: AgentState) -> dict[int, NeighbourIntent]:
     return known
 
 
-def may_meet_anyone(state: AgentState, box: Bounds) -> bool:
-    """Return whether a known flight may come into a box, with heights above home, and the limits around it.
+def vehicles_near(state: AgentState, box: Bounds) -> frozenset[int]:
+    """Return the vehicles that may come into a box, with heights above home, and the limits around it.
 
-    It is a quick test for `known_flights`: most of the time no vehicle is near in height.
+    A vehicle may fly as announced or straight on. It is a quick test for `known_flights`: most of the time no
+    vehicle is near in height.
     """
     limits, home_m = state.task.separation.limits, home_amsl_m(state)
     wide_m, high_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
     box = box.wider((TIME_TOLERANCE_S, wide_m, wide_m, high_m))
     intents = known_intents(state)
-    if predictions(state, box) or silent_neighbours(state).keys() - intents.keys():
-        return True
+    near = predictions(state, box).keys() | (silent_neighbours(state).keys() - intents.keys())
     box = box.higher(home_m)
-    return any(
-        box.meets(intent.bounds) and (any(intent.uncertainty_m) or intent.flight.may_meet(box))
-        for intent in intents.values()
+    return frozenset(near).union(
+        uav
+        for uav, intent in intents.items()
+        if box.meets(intent.bounds) and (any(intent.uncertainty_m) or intent.flight.may_meet(box))
     )
 
 

@@ -25,8 +25,8 @@ from swarmctl.agent.traffic.check import (
     ENOUGH,
     come_within,
     known_flights,
-    may_meet_anyone,
     share_of,
+    vehicles_near,
 )
 from swarmctl.agent.traffic.landing_queue import HOLD_BEFORE_DESCENT_S, hold_before_landing
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, reach
@@ -78,7 +78,8 @@ def stop_in_time(state: AgentState) -> StepResult:
         return state, []
     look_ahead_s = _compared_s(state)
     box = reach(state, look_ahead_s, STRAIGHT_ON_S)
-    if box is None or not may_meet_anyone(state, box):
+    near = frozenset() if box is None else vehicles_near(state, box)
+    if not near:
         return state, []
     here, plan = position_amsl(state), planned_flight(state, look_ahead_s)
     if here is None or plan is None:
@@ -89,7 +90,7 @@ def stop_in_time(state: AgentState) -> StepResult:
         plan = until_landing(plan)  # over the goal the landing queue decides
     plan = plan.lasting(now_s + look_ahead_s)
     mine = _own_paths(state, here, velocity, plan)
-    others = known_flights(state)
+    others = {uav: flight for uav, flight in known_flights(state).items() if uav in near}
     stop, late_stop = _stop(state, here, velocity, now_s), _later_stop(state, plan, REACTS_S, BRAKING_M_S2)
     to_avoid = frozenset(
         uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, late_stop, uav, flight)

@@ -35,6 +35,7 @@ from swarmctl.agent.traffic.own_flight import (
     hold_from,
     planned_flight,
     position_amsl,
+    stop_from,
 )
 from swarmctl.agent.traffic.prediction import (
     hears_nobody,
@@ -106,7 +107,7 @@ def would_block(state: AgentState) -> bool:
     here = position_amsl(state)
     if here is None:
         return False
-    stop = hold_from(state, here, state.vehicle.time_boot_s).points[-1]
+    stop = stop_from(state, here, state.vehicle.time_boot_s).points[-1]
     return hold_would_block(state, stop, known_flights(state))
 
 
