@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.mission_transfer import result_name
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
-from swarmctl.mavlink.protocol.wait import Requests, SendUntil
+from swarmctl.mavlink.protocol.wait import Requests
 
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 
@@ -62,5 +62,4 @@ def count_rally_points(ctx: Context) -> Procedure[RallyPoints]:
         tries=TRIES,
         closing=[end],
     )
-    yield SendUntil(end, lambda: True, 0.0)
     return answers.get(RALLY) or RallyPoints(None, f"no number after {TRIES} requests: no answer")

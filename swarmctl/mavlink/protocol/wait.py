@@ -114,7 +114,7 @@ class Requests(Conversation[dict[K, A]], Generic[K, A]):
     answer_to: returns key and content of an answer that arrives at a time [s]; None for other messages
     confirms: returns whether an answer ends its request
     max_pending: greatest number of requests under way
-    closing: messages that end the exchange on the vehicle, after a cancellation
+    closing: messages that end the exchange on the vehicle
     """
 
     REPEAT_PERIOD_S = 1.0
@@ -137,12 +137,12 @@ class Requests(Conversation[dict[K, A]], Generic[K, A]):
         self._tries = tries
         self._max_pending = max_pending
         self._unsent = list(requests)
-        self._pending: dict[K, tuple[int, float]] = {}
-        """number of tries of each unanswered request, and the time from which its wait counts [s]"""
+        self._pending: dict[K, int] = {}
+        """number of tries of each unanswered request"""
         self._answers: dict[K, A] = {}
 
     def _begin(self, now: float) -> list[Message]:
-        return self._send(now)
+        return self._send_new(now)
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         found = self._answer_to(message, now)
@@ -153,29 +153,28 @@ class Requests(Conversation[dict[K, A]], Generic[K, A]):
         if not self._confirms(key, answer):
             return []
         del self._pending[key]
-        # A slow vehicle answers one request after the other: repeated requests would fill its queue.
-        self._pending = {key: (n, now) for key, (n, _) in self._pending.items()}
-        return self._send(now)
+        return self._send_new(now)
 
     def _on_deadline(self, now: float) -> list[Message]:
-        return self._send(now)
+        self._pending = {key: n + 1 for key, n in self._pending.items() if n < self._tries}
+        again = [self._requests[key] for key in self._pending]
+        return again + self._send_new(now)
 
     def _closing_messages(self, now: float) -> list[Message]:
         return list(self._closing)
 
-    def _send(self, now: float) -> list[Message]:
-        """Return the requests to repeat, and new ones while there is room; end without a pending request."""
-        due = [key for key, (_, since_s) in self._pending.items() if now >= since_s + self.REPEAT_PERIOD_S]
-        tries = {key: self._pending.pop(key)[0] + 1 for key in due}
-        to_send = {key: n for key, n in tries.items() if n <= self._tries}
-        while self._unsent and len(self._pending) + len(to_send) < self._max_pending:
-            to_send[self._unsent.pop(0)] = 1
-        self._pending |= {key: (n, now) for key, n in to_send.items()}
+    def _send_new(self, now: float) -> list[Message]:
+        """Return new requests while there is room, and restart the wait; end without a pending request."""
+        new = []
+        while self._unsent and len(self._pending) < self._max_pending:
+            new.append(key := self._unsent.pop(0))
+            self._pending[key] = 1
         if not self._pending:
             self._finish(self._answers)
-            return []
-        self.next_deadline = min(since_s for _, since_s in self._pending.values()) + self.REPEAT_PERIOD_S
-        return [self._requests[key] for key in to_send]
+            return list(self._closing)
+        # A slow vehicle answers one request after the other: earlier repetitions would fill its queue.
+        self.next_deadline = now + self.REPEAT_PERIOD_S
+        return [self._requests[key] for key in new]
 
 
 def collect_messages(
