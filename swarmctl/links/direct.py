@@ -164,8 +164,8 @@ class DirectLink:
         """
         async with self._ground_lock:
             result: R = await self._perform(subject, procedure)
-        if isinstance(result, Done) and result.failure is not None:
-            raise LinkError(f"{self._label}: {subject}: {result.failure}")
+        if isinstance(result, Done):
+            self._check(result, LinkError, subject)
         return result
 
     async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:

@@ -4,7 +4,7 @@
 |---|---|
 | `checks`, `facts` | one file for each check; the facts that the checks read |
 | `policy`, `declared` | required parameters of each firmware; declared behaviour of each vehicle |
-| `inspection` | the procedures on one vehicle: its set-up, and the questions for its facts |
+| `inspection` | the procedures on one vehicle: correction of parameters, and the questions for its facts |
 | `collection`, `conversation` | collection of the facts; set-up of all vehicles and rounds of checks |
 | `results`, `waivers`, `report` | results, accepted failures, tables |
 | `host` | checks of this computer |

@@ -51,19 +51,23 @@ class Preflight:
         Failures are reported to the operator; the checks find them again. Raises LinkError if the vehicle
         does not answer.
         """
-        required, _ = self._collector.required_parameters(vehicle) if self._sets_parameters else ((), "")
-        link, name = vehicle.runner.link, vehicle.spec.name
-        done = await link.ask("set parameters", partial(correct_parameters, required=required))
+        if self._sets_parameters:
+            await self._correct_parameters(vehicle)
+        items = fence_items(self._collector.fence_polygon)
+        try:
+            await vehicle.runner.link.ask("upload fence", partial(put_fence, items=items))
+        except LinkError as error:
+            self._say(f"{error}; the fence is not verified on the vehicle")
+
+    async def _correct_parameters(self, vehicle: VehicleToCheck) -> None:
+        required, _ = self._collector.required_parameters(vehicle)
+        procedure, name = partial(correct_parameters, required=required), vehicle.spec.name
+        done = await vehicle.runner.link.ask("set parameters", procedure)
         if done.failure:
             self._say(f"{name}: {done.failure}")
         if done.written:
             text = "parameters written permanently, as the configuration declares"
             self._say(f"{name}: {text}: {changes(done.written, done.found)}")
-        items = fence_items(self._collector.fence_polygon)
-        try:
-            await link.ask("upload fence", partial(put_fence, items=items))
-        except LinkError as error:
-            self._say(f"{error}; the fence is not verified on the vehicle")
 
     async def failures(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
