@@ -40,14 +40,17 @@ class UdpOut:
         self._address: Address = ()
         self._family = socket.AF_INET
         self._sockets: dict[int, socket.socket] = {}  # by vehicle; all begin with the same socket
+        self._reach: dict[socket.socket, frozenset[int]] = {}  # the vehicles of each socket
         self._received_s: float | None = None
 
     def open(self) -> None:
         self._family, self._address = resolve(self._url, socket.SOCK_DGRAM)
         try:
-            self._sockets = dict.fromkeys(self._vehicles, self._open_socket())
+            opened = self._open_socket()
         except OSError as error:
             raise cannot_open(self._url, error) from error
+        self._sockets = dict.fromkeys(self._vehicles, opened)
+        self._reach = {opened: frozenset(self._vehicles)}
 
     def _open_socket(self) -> socket.socket:
         opened = socket.socket(self._family, socket.SOCK_DGRAM)
@@ -61,7 +64,6 @@ class UdpOut:
         return opened
 
     def _read(self, opened: socket.socket) -> None:
-        reach = frozenset(index for index, own in self._sockets.items() if own is opened)
         remaining_bytes = BYTES_PER_WAKE
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
@@ -71,7 +73,7 @@ class UdpOut:
             except OSError:  # the other end has no listener yet
                 continue
             self._received_s = asyncio.get_running_loop().time()
-            self._callbacks.received(data, (self._url, opened), reach)
+            self._callbacks.received(data, (self._url, opened), self._reach[opened])
             remaining_bytes -= len(data)
             if opened.fileno() < 0 or remaining_bytes <= 0:  # closed by the callback, or a flood
                 return
@@ -104,7 +106,9 @@ class UdpOut:
             )
             return
         before, self._sockets[index] = self._sockets[index], opened
-        if before not in self._sockets.values():
+        self._reach |= {opened: frozenset({index}), before: self._reach[before] - {index}}
+        if not self._reach[before]:
+            del self._reach[before]
             _close_socket(before)
             self._callbacks.ended((self._url, before))
 
@@ -114,9 +118,10 @@ class UdpOut:
         return int(asyncio.get_running_loop().time() - self._received_s < ACTIVE_S)
 
     def close(self) -> None:
-        for opened in set(self._sockets.values()):
+        for opened in self._reach:
             _close_socket(opened)
         self._sockets.clear()
+        self._reach.clear()
 
 
 class UdpIn:
