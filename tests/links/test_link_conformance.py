@@ -74,8 +74,9 @@ def test_a_whole_flight_with_a_swap(kind):
             assert any("STABILIZE" in reason for texts in reasons for reason in texts)
             assert link.state().ready
             await link.upload(north_of_home(8))
+            ground_m = link.state().alt_rel_m
             await link.launch()
-            assert link.state().alt_rel_m > 0.1
+            assert link.state().alt_rel_m > ground_m + 0.5
             await until(lambda: link.state().mission_seq == 3)
             await link.swap(north_of_home(6, east=0.002))
             assert [i.command for i in link.items()] == [16, 22, *[16] * 8, 21, *[16] * 6, 21]
