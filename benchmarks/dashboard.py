@@ -74,7 +74,9 @@ class MadeUpSwarm:
             state = self._telemetry(uav, now_s + 0.9)
             assert state.lat_lon is not None
             lat_deg, lon_deg = state.lat_lon
-            shared = StateShared(now_s, lat_deg, lon_deg, 40.0, "flying", 0, 0, hears=tuple(self.uavs[:8]))
+            shared = StateShared(
+                now_s, lat_deg, lon_deg, 40.0, 340.0, "flying", 0, 0, hears=tuple(self.uavs[:8])
+            )
             self.timeline.shared(uav, now_s + 0.9, shared, has_telemetry=True)
             points = [
                 IntentPoint(float(t), *self._place(uav, now_s + t), 340.0 + uav) for t in range(0, 200, 10)

@@ -106,7 +106,7 @@ class Agent:
     def publish_state(self) -> None:
         lon_deg = 14.0 + 1.3e-4 * self.uav
         n_observed = self.belief.n_observed
-        self.network.publish(self.uav, StateShared(0.0, 46.0, lon_deg, 30.0, "flying", n_observed, 0))
+        self.network.publish(self.uav, StateShared(0.0, 46.0, lon_deg, 30.0, 330.0, "flying", n_observed, 0))
 
     async def fly(self, rate_per_s: float, begin_s: float, duration_s: float) -> None:
         """Observe and share from `begin_s` of the loop's clock on; an agent that is late catches up."""

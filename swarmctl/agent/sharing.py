@@ -58,7 +58,7 @@ def _learn(state: AgentState, items: tuple[BeliefItem, ...]) -> AgentState:
 def share_state(state: AgentState) -> StepResult:
     """Publish the vehicle's state once a second, with the last known position and its age."""
     vehicle, last = state.vehicle, state.last_position
-    if last.lat_deg is None or last.lon_deg is None or last.alt_rel_m is None:
+    if last.lat_lon is None or last.alt_rel_m is None or last.alt_amsl_m is None:
         return state, []
     # The vehicle's clock restarts at 0 after a reboot.
     elapsed_s = vehicle.time_boot_s - state.state_sent_boot_s
@@ -66,9 +66,10 @@ def share_state(state: AgentState) -> StepResult:
         return state, []
     message = StateShared(
         time_s=vehicle.time_boot_s,
-        lat_deg=last.lat_deg,
-        lon_deg=last.lon_deg,
+        lat_deg=last.lat_lon[0],
+        lon_deg=last.lat_lon[1],
         alt_rel_m=last.alt_rel_m,
+        alt_amsl_m=last.alt_amsl_m,
         phase=state.phase,
         n_observed=state.belief.n_observed,
         n_found=state.belief.n_found,
@@ -78,7 +79,6 @@ def share_state(state: AgentState) -> StepResult:
         late_s=state.plans.late_s,
         outcome=state.outcome[:MAX_TEXT],
         trouble=(state.alarm or state.trouble)[:MAX_TEXT],
-        alt_amsl_m=last.alt_amsl_m,
         earliest_in_s=earliest_in_s(state),
         velocity_m_s=(last.east_m_s, last.north_m_s, last.climb_m_s),
         hears=received_neighbours(state),

@@ -102,6 +102,7 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     lat_deg: Latitude
     lon_deg: Longitude
     alt_rel_m: Magnitude
+    alt_amsl_m: Magnitude
     phase: Text
     n_observed: int
     n_found: int
@@ -120,7 +121,6 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     """number of messages that the UAV refused"""
     flagged: tuple[int, ...] = ()
     """UAVs whose observations contradict this UAV's observations, or each other"""
-    alt_amsl_m: Magnitude | None = None
     velocity_m_s: Velocity = (0.0, 0.0, 0.0)
     earliest_in_s: Finite | None = None
     """least time to the goal [s], negative after the arrival; None if no simultaneous arrival is planned"""

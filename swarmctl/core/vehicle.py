@@ -114,5 +114,5 @@ class VehicleState(msgspec.Struct, frozen=True):
 
     @property
     def has_position(self) -> bool:
-        """True if latitude, longitude and height are known."""
-        return self.lat_deg is not None and self.lon_deg is not None and self.alt_rel_m is not None
+        """True if latitude, longitude and both heights are known: a vehicle reports all of them or none."""
+        return self.lat_lon is not None and self.alt_rel_m is not None and self.alt_amsl_m is not None

@@ -47,9 +47,8 @@ class SeparationStatistics:
             if uav in self._own_uavs or state.alt_rel_m < AIRBORNE_M:
                 continue
             east_m, north_m = after.task.grid.frame.to_local(state.lat_deg, state.lon_deg)
-            height_m = state.alt_rel_m if state.alt_amsl_m is None else state.alt_amsl_m
             if self._flown_separation(after).add_position(
-                uav, now - state.age_s, (east_m, north_m, height_m)
+                uav, now - state.age_s, (east_m, north_m, state.alt_amsl_m)
             ):
                 self._at_flight_s = flight_time_s
 
@@ -107,11 +106,9 @@ class _Names(dict[int, str]):
 
 def _airborne_position(state: AgentState) -> LocalPoint | None:
     vehicle = state.vehicle
-    if not _is_airborne(vehicle) or vehicle.lat_deg is None or vehicle.lon_deg is None:
+    if not _is_airborne(vehicle) or vehicle.lat_lon is None or vehicle.alt_amsl_m is None:
         return None
-    height_m = vehicle.alt_rel_m if vehicle.alt_amsl_m is None else vehicle.alt_amsl_m
-    east_m, north_m = state.task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
-    return None if height_m is None else (east_m, north_m, height_m)
+    return (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_amsl_m)
 
 
 def _is_airborne(vehicle: VehicleState) -> bool:

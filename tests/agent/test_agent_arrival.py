@@ -23,7 +23,7 @@ class ArrivalStory(Story):
 
     def other(self, earliest_in_s: float | None, uav: int = 2) -> None:
         lat_deg, lon_deg = GRID.frame.to_geodetic(5000.0, MID_M[1])
-        shared = StateShared(1.0, lat_deg, lon_deg, 30.0, "flying", 0, 0, earliest_in_s=earliest_in_s)
+        shared = StateShared(1.0, lat_deg, lon_deg, 30.0, 330.0, "flying", 0, 0, earliest_in_s=earliest_in_s)
         self.tell(neighbours=((uav, shared),))
 
 

@@ -85,7 +85,7 @@ def test_an_intent_is_repeated_at_its_interval() -> None:
 def test_a_newly_heard_vehicle_gets_the_intent_at_once() -> None:
     story = IntentStory()
     place = GRID.frame.to_geodetic(75.0, MID_M[1] + 60.0)
-    heard = StateShared(0.0, *place, 30.0, "flying", 0, 0, alt_amsl_m=AMSL_M)
+    heard = StateShared(0.0, *place, 30.0, AMSL_M, "flying", 0, 0)
     story.told(neighbours=((3, heard),))
     assert len(intents(story.at(85.0))) == 1
 

@@ -227,7 +227,9 @@ def test_of_two_vehicles_that_wait_for_each_other_the_higher_one_goes_on_later(
     story = LandingStory()
     story.at(10.0)
     lat_deg, lon_deg = GRID.frame.to_geodetic(SPOT_M[0] + 30.0, SPOT_M[1])
-    other = StateShared(1.0, lat_deg, lon_deg, up_m, "landing", 0, 0, waits=waits, hears=(2,))
+    other = StateShared(
+        1.0, lat_deg, lon_deg, up_m, HOME_AMSL_M + up_m, "landing", 0, 0, waits=waits, hears=(2,)
+    )
     story.other(1, (0.0, 2.0, 22.0), (30.0, 2.0, 22.0))
     assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]
     held_boot_s = story.state.vehicle.time_boot_s

@@ -12,7 +12,6 @@ from swarmctl.agent.phases import IN_FLIGHT
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.last_resort import STRAIGHT_ON_S
 from swarmctl.agent.traffic.own_flight import own_trajectory, planned_flight, reach
-from swarmctl.agent.traffic.prediction import home_amsl_m
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
 
 N_DEFAULT, N_FULL = 3, 30
@@ -39,7 +38,7 @@ def _outside(state: AgentState) -> str:
     box, wide = reach(state, look_ahead_s, STRAIGHT_ON_S), reach(state, look_ahead_s, look_ahead_s)
     if plan is None or own is None or box is None or wide is None:
         return ""
-    if not _holds(box, plan.lasting(now_s + look_ahead_s).higher(-home_amsl_m(state))):
+    if not _holds(box, plan.lasting(now_s + look_ahead_s)):
         return f"{now_s:.1f} s, {state.phase}: {plan}"
     return "" if _holds(wide, own) else f"{now_s:.1f} s, {state.phase}: {own}"
 

@@ -33,7 +33,7 @@ from swarmctl.core.observation import Checkpoint, Observation
 SEAL = FrameCodec("test")
 AT = (46.0, 14.5)
 SEEN = Observation(3, 7, 12.5, ((4, 7, True), (4, 8, False)), 2)
-STATE = StateShared(12.5, 46.0, 14.5, 40.0, "flying", 9, 1, last_seq=7, knows=2**40, mode="AUTO")
+STATE = StateShared(12.5, 46.0, 14.5, 40.0, 340.0, "flying", 9, 1, last_seq=7, knows=2**40, mode="AUTO")
 INTENT = IntentShared(
     4, (IntentPoint(0.0, 46.0, 14.5, 340.0), IntentPoint(21.5, 46.001, 14.5, 340.0)), may_change=False
 )
@@ -67,10 +67,11 @@ GOLDEN: tuple[tuple[Content, str], ...] = (
         STATE,
         (
             "030085a673656e64657203ab696e6361726e6174696f6e02a16e09a6756e69785f73cb41dad27480100000a7"
-            "636f6e74656e74de000ba474797065ac696e666f726d2f7374617465a674696d655f73cb4029000000000000"
+            "636f6e74656e74de000ca474797065ac696e666f726d2f7374617465a674696d655f73cb4029000000000000"
             "a76c61745f646567cb4047000000000000a76c6f6e5f646567cb402d000000000000a9616c745f72656c5f6d"
-            "cb4044000000000000a57068617365a6666c79696e67aa6e5f6f6273657276656409a76e5f666f756e6401a8"
-            "6c6173745f73657107a56b6e6f7773cf0000010000000000a46d6f6465a44155544f"
+            "cb4044000000000000aa616c745f616d736c5f6dcb4075400000000000a57068617365a6666c79696e67aa6e"
+            "5f6f6273657276656409a76e5f666f756e6401a86c6173745f73657107a56b6e6f7773cf0000010000000000"
+            "a46d6f6465a44155544f"
         ),
     ),
     (

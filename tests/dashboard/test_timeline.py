@@ -269,7 +269,7 @@ def test_a_vehicle_that_is_not_heard_is_shown_with_the_age_of_its_last_word(flig
     source.move_on("", 102.0)
     assert [(v.is_silent, v.age_s) for v in source.timeline.at().vehicles] == [(True, None)] * 2
     lat_deg, lon_deg = flight.timeline.scenario.grid.centre((2, 2))
-    flying = StateShared(5.0, lat_deg, lon_deg, 15.0, "flying", 0, 0, last_seq=4)
+    flying = StateShared(5.0, lat_deg, lon_deg, 15.0, 315.0, "flying", 0, 0, last_seq=4)
     payload = codec.encode(Frame(1, 1, 1, 103.0, flying))
     source.receive(keys.to_station("small", 1), payload, 103.0, 103.0)
     source.move_on("", 104.0)
@@ -294,7 +294,7 @@ def test_flights_that_are_announced_to_meet_are_a_conflict() -> None:
     for uav, begin, end in ((1, (4, 0), (4, 6)), (2, (4, 6), (4, 0))):
         flown = ((0.0, begin), (30.0, end))
         points = tuple(IntentPoint(in_s, *grid.centre(cell), 340.0) for in_s, cell in flown)
-        here = StateShared(5.0, *grid.centre(begin), 40.0, "flying", 0, 0)
+        here = StateShared(5.0, *grid.centre(begin), 40.0, 340.0, "flying", 0, 0)
         timeline.shared(uav, 1.0, here, has_telemetry=False)
         timeline.intent(uav, 1.0, IntentShared(1, points), is_route=True)
     (conflict,) = timeline.at().conflicts
@@ -303,7 +303,7 @@ def test_flights_that_are_announced_to_meet_are_a_conflict() -> None:
     assert conflict.at == pytest.approx(grid.centre_m((4, 3)), abs=20.0)
     # The second vehicle tells 4 s later that it lands.
     timeline.shared(
-        2, 5.0, StateShared(9.0, *grid.centre((4, 6)), 40.0, "landing", 0, 0), has_telemetry=False
+        2, 5.0, StateShared(9.0, *grid.centre((4, 6)), 40.0, 340.0, "landing", 0, 0), has_telemetry=False
     )
     timeline.intent(2, 5.0, IntentShared(1), is_route=True)
     assert timeline.at().conflicts == ()
@@ -318,7 +318,7 @@ def test_a_station_receives_until_it_is_cancelled(flight: Flight) -> None:
     async def station() -> None:
         hearing = asyncio.create_task(source.run(bus, lambda: "connected", lambda: 1.0))
         await asyncio.sleep(1.0)
-        state = StateShared(5.0, lat_deg, lon_deg, 15.0, "flying", 0, 0)
+        state = StateShared(5.0, lat_deg, lon_deg, 15.0, 315.0, "flying", 0, 0)
         bus.put(keys.to_station("small", 2), codec.encode(Frame(2, 1, 1, 1.0, state)))
         bus.put(keys.to_station("small", 2), b"no frame")
         await asyncio.sleep(2.0)

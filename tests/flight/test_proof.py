@@ -88,6 +88,7 @@ def finding(story: Story, stored: Recognised, identity: Identity = SAME, **chang
         lat_deg=lat_deg,
         lon_deg=lon_deg,
         alt_rel_m=30.0,
+        alt_amsl_m=330.0,
         mode="AUTO",
         mode_role="mission",
         armed=True,

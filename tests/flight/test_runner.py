@@ -47,7 +47,7 @@ class Notes:
 def flying(link: StubLink, *observers: Notes) -> Runner:
     """Return the runner of a vehicle in flight."""
     runner = runner_of(small(), link, 0, *observers)
-    where = VehicleState(lat_deg=46.0, lon_deg=14.0, alt_rel_m=30.0, armed=True)
+    where = VehicleState(lat_deg=46.0, lon_deg=14.0, alt_rel_m=30.0, alt_amsl_m=330.0, armed=True)
     runner.state = replace(runner.state, phase=Phase.FLYING, vehicle=where, launch=Launch(armed_boot_s=0.0))
     return runner
 

@@ -31,7 +31,8 @@ UNIX_S = 1_800_000_000.0
 
 def state(cell: tuple[int, int] = (4, 3), **changes: Any) -> StateShared:
     lat_deg, lon_deg = GRID.centre(cell)
-    known = {"time_s": 20.0, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_rel_m": 40.0, "phase": "flying"}
+    known = {"time_s": 20.0, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_rel_m": 40.0}
+    known |= {"alt_amsl_m": 340.0, "phase": "flying"}
     return StateShared(**{**known, "n_observed": 31, "n_found": 3, "mode": "AUTO", "plan_id": 5, **changes})
 
 

@@ -80,11 +80,13 @@ class Story:
 
     def over(self, cell: Cell, **changes: object) -> list[ev.Effect]:
         lat_deg, lon_deg = self.state.task.grid.centre(cell)
+        up_m: Any = changes.get("alt_rel_m", 30.0)
         state = VehicleState(
             time_boot_s=self.now,
             lat_deg=lat_deg,
             lon_deg=lon_deg,
-            alt_rel_m=30.0,
+            alt_rel_m=up_m,
+            alt_amsl_m=None if up_m is None else AMSL_M - 30.0 + up_m,
             mode="AUTO",
             mode_role="mission",
             armed=True,
@@ -99,7 +101,6 @@ class Story:
         """Report the vehicle on its flight east along row 4 at 10 m/s."""
         lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, MID_M[1])
         here = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
-        here["alt_amsl_m"] = AMSL_M - 30.0 + (changes.get("alt_rel_m", 30.0) or 0.0)
         return self.over((4, 0), **{**here, **changes})
 
     def swaps_took(self, took_s: float, stood_s: float = 0.0) -> None:

@@ -103,7 +103,7 @@ class StubLink:
         await self._do(order, CommandFailed)
 
     def state(self) -> VehicleState:
-        return VehicleState(lat_deg=self.where[0], lon_deg=self.where[1], alt_rel_m=0.0)
+        return VehicleState(lat_deg=self.where[0], lon_deg=self.where[1], alt_rel_m=0.0, alt_amsl_m=300.0)
 
     def age_s(self) -> float:
         return self.age

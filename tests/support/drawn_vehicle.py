@@ -72,6 +72,7 @@ class DrawnVehicle:
         self.state = VehicleState(
             time_boot_s=100.0,
             alt_rel_m=20.0,
+            alt_amsl_m=320.0,
             mode=dialect.mission_mode if draw.random() < 0.9 else dialect.hold_mode,
             armed=True,
             landed=Landed.IN_AIR,

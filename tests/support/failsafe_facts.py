@@ -21,6 +21,7 @@ def at(east_m: float, north_m: float, **changes: Any) -> VehicleState:
         lat_deg=lat_deg,
         lon_deg=lon_deg,
         alt_rel_m=30.0,
+        alt_amsl_m=330.0,
         ground_speed_m_s=10.0,
         mode="AUTO",
         mode_role="mission",

@@ -26,7 +26,7 @@ def at_once(_sender: int, _to: int, _now_s: float) -> float | None:
 
 
 def state(lat_deg: float = 46.0, lon_deg: float = 14.0, phase: str = "flying") -> StateShared:
-    return StateShared(0.0, lat_deg, lon_deg, 30.0, phase, 0, 0)
+    return StateShared(0.0, lat_deg, lon_deg, 30.0, 330.0, phase, 0, 0)
 
 
 class Uav:

@@ -50,6 +50,7 @@ STATE = VehicleState(
     lat_deg=START[0],
     lon_deg=START[1],
     alt_rel_m=0.0,
+    alt_amsl_m=300.0,
     ready=True,
     battery_percent=80,
     home_lat_deg=START[0],

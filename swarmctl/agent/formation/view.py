@@ -12,7 +12,7 @@ from swarmctl.agent.formation.shape import ShapePlace, least_spacing_m
 from swarmctl.agent.formation.ways import MemberWay
 from swarmctl.agent.phases import ENDED, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import home_amsl_m, position_of, reported_amsl_m
+from swarmctl.agent.traffic.prediction import home_amsl_m, position_amsl
 from swarmctl.agent.traffic.route_hold import ceiling_m
 from swarmctl.core.records import replace
 
@@ -140,12 +140,12 @@ def _height_amsl_m(state: AgentState, formation: Formation, places: Mapping[int,
 
 def _is_other_between(state: AgentState, up_m: float) -> bool:
     """Return whether a vehicle that is no present member is near, between the own height and `up_m`."""
-    limits, here = state.task.separation.limits, position_of(state)
+    limits, here = state.task.separation.limits, position_amsl(state)
     assert here is not None
-    low_m, high_m = sorted((here[2] + home_amsl_m(state), up_m))
+    low_m, high_m = sorted((here[2], up_m))
     return high_m - low_m > limits.vertical_m and any(
-        low_m - limits.vertical_m < reported_amsl_m(state, report) < high_m + limits.vertical_m
-        and math.dist(here[:2], (report.east_m, report.north_m)) < CLEAR_LIMITS * limits.horizontal_m
+        low_m - limits.vertical_m < report.position_m[2] < high_m + limits.vertical_m
+        and math.dist(here[:2], report.position_m[:2]) < CLEAR_LIMITS * limits.horizontal_m
         for report in state.neighbours.values()
         if report.state.phase not in ENDED
     )

@@ -18,6 +18,7 @@ from swarmctl.agent.traffic.last_resort import may_stop
 from swarmctl.agent.traffic.own_flight import own_trajectory, reach
 from swarmctl.agent.traffic.prediction import (
     hears_nobody,
+    home_amsl_m,
     position_of,
     predict,
     predictions,
@@ -97,9 +98,9 @@ def _standing(state: AgentState, uav: int, report: NeighbourReport) -> Standing:
 
 def _climb(state: AgentState) -> AgentState:
     """Request a new plan at a height clear of all nearby vehicles, if there is one below the ceiling."""
-    here_m = state.vehicle.alt_rel_m or 0.0
+    here_m, home_m = state.vehicle.alt_rel_m or 0.0, home_amsl_m(state)
     paths = (predict(state, report) for report in state.neighbours.values())
-    heights_m = [at[2] for path in paths if path and (at := path.at(state.vehicle.time_boot_s))]
+    heights_m = [at[2] - home_m for path in paths if path and (at := path.at(state.vehicle.time_boot_s))]
     height_m = clear_height_m(max(here_m, state.height_m), heights_m, state.task.separation.limits)
     if not state.height_m < height_m <= min(ceiling_m(state), _reachable_m(state)):
         return state

@@ -14,10 +14,8 @@ from swarmctl.agent.phases import EN_ROUTE, ENDED
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import (
     MAX_AGE_S,
-    home_amsl_m,
     predict,
     predictions,
-    reported_amsl_m,
     silent_neighbours,
 )
 from swarmctl.agent.traffic.priority import Activity, Standing
@@ -190,40 +188,31 @@ def _least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float
     return None if at is None else limits.share(at.horizontal_m, at.vertical_m)
 
 
-def known_flights(state: AgentState) -> dict[int, NeighbourIntent]:
+def known_flights(state: AgentState, near: Bounds | None = None) -> dict[int, NeighbourIntent]:
     """Return the known flights of other vehicles: intents, extrapolated positions, or last positions.
 
-    A vehicle off its intent counts with both: the intent, and its extrapolated position.
+    A vehicle off its intent counts with both: the intent, and its extrapolated position. `near`: leave out
+    the vehicles that keep away from this box by the limits, as announced and straight on. Most of the time no
+    vehicle is near in height, so this is quick.
     """
-    known = {uav: as_intent(state, path) for uav, path in silent_neighbours(state).items()}
+    known = {uav: as_intent(path) for uav, path in silent_neighbours(state).items()}
     known |= known_intents(state)
-    for uav, report in state.neighbours.items():
+    reports = state.neighbours
+    if near is not None:
+        limits = state.task.separation.limits
+        wide_m, high_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
+        box = near.wider((TIME_TOLERANCE_S, wide_m, wide_m, high_m))
+        come_near = predictions(state, box).keys() | {uav for uav, of in known.items() if of.may_meet(box)}
+        known = {uav: intent for uav, intent in known.items() if uav in come_near}
+        reports = {uav: report for uav, report in reports.items() if uav in come_near}
+    for uav, report in reports.items():
         intent = state.intents.get(uav) and known.get(uav)
-        if intent is not None and not _is_off(state, report, intent):
+        if intent is not None and not _is_off(report, intent):
             continue
         if (path := predict(state, report)) is not None:
-            straight = as_intent(state, path)
+            straight = as_intent(path)
             known[uav] = straight if intent is None else intent.and_straight_on(straight.flight)
     return known
-
-
-def vehicles_near(state: AgentState, box: Bounds) -> frozenset[int]:
-    """Return the vehicles that may come into a box, with heights above home, and the limits around it.
-
-    A vehicle may fly as announced or straight on. It is a quick test for `known_flights`: most of the time no
-    vehicle is near in height.
-    """
-    limits, home_m = state.task.separation.limits, home_amsl_m(state)
-    wide_m, high_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
-    box = box.wider((TIME_TOLERANCE_S, wide_m, wide_m, high_m))
-    intents = known_intents(state)
-    near = predictions(state, box).keys() | (silent_neighbours(state).keys() - intents.keys())
-    box = box.higher(home_m)
-    return frozenset(near).union(
-        uav
-        for uav, intent in intents.items()
-        if box.meets(intent.bounds) and (any(intent.uncertainty_m) or intent.flight.may_meet(box))
-    )
 
 
 def share_of(mine: Sequence[Trajectory], others: Sequence[Trajectory], limits: Limits) -> float:
@@ -242,15 +231,14 @@ def come_within(
     return any(other.may_meet(box) and intervals(one, other, wider) for other in others for one, box in boxes)
 
 
-def _is_off(state: AgentState, report: NeighbourReport, intent: NeighbourIntent) -> bool:
+def _is_off(report: NeighbourReport, intent: NeighbourIntent) -> bool:
     """Return whether a vehicle is not where its intent says; False for a state older than the intent."""
     if report.at_s < intent.sent_s:
         return False
     planned = intent.flight.at(report.at_s)
     if planned is None:
         return True
-    at = (report.east_m, report.north_m, reported_amsl_m(state, report))
-    east_m_s, north_m_s, _ = report.state.velocity_m_s
+    at, (east_m_s, north_m_s, _) = report.position_m, report.state.velocity_m_s
     off_m = max(OFF_INTENT_M, OFF_INTENT_S * math.hypot(east_m_s, north_m_s))
     return math.dist(at[:2], planned[:2]) > off_m or abs(at[2] - planned[2]) > OFF_INTENT_UP_M
 
@@ -273,10 +261,9 @@ def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
     return known
 
 
-def as_intent(state: AgentState, path: Trajectory) -> NeighbourIntent:
-    """Return a predicted path, with heights above home, as a flight that its vehicle cannot change."""
-    flight = path.higher(home_amsl_m(state))
-    return NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=path.times_s[0])
+def as_intent(path: Trajectory) -> NeighbourIntent:
+    """Return a predicted path as a flight that its vehicle cannot change."""
+    return NeighbourIntent(path, Bounds.of(path), may_change=False, sent_s=path.times_s[0])
 
 
 def standing_of(state: AgentState, uav: int, intent: NeighbourIntent) -> Standing:

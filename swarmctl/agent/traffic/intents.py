@@ -21,7 +21,8 @@ import numpy as np
 from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl
+from swarmctl.agent.traffic.own_flight import planned_flight
+from swarmctl.agent.traffic.prediction import position_amsl
 from swarmctl.agent.traffic.separation.trajectory import (
     Trajectory,
 )

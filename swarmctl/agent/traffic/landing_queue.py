@@ -38,8 +38,8 @@ from swarmctl.agent.traffic.check import (
     near_flights,
     standing_of,
 )
-from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, to_shared_frame
-from swarmctl.agent.traffic.prediction import hears_nobody, position_of
+from swarmctl.agent.traffic.own_flight import planned_flight, to_shared_frame
+from swarmctl.agent.traffic.prediction import hears_nobody, position_amsl, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.route_hold import (
     follows_own_order,

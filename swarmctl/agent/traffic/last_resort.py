@@ -26,15 +26,14 @@ from swarmctl.agent.traffic.check import (
     come_within,
     known_flights,
     share_of,
-    vehicles_near,
 )
 from swarmctl.agent.traffic.landing_queue import HOLD_BEFORE_DESCENT_S, hold_before_landing
-from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, reach
+from swarmctl.agent.traffic.own_flight import planned_flight, reach
 from swarmctl.agent.traffic.prediction import (
     HEARD_S,
     acknowledged_s,
     hears_nobody,
-    home_amsl_m,
+    position_amsl,
     predict,
 )
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
@@ -78,8 +77,8 @@ def stop_in_time(state: AgentState) -> StepResult:
         return state, []
     look_ahead_s = _compared_s(state)
     box = reach(state, look_ahead_s, STRAIGHT_ON_S)
-    near = frozenset() if box is None else vehicles_near(state, box)
-    if not near:
+    others = {} if box is None else known_flights(state, near=box)
+    if not others:
         return state, []
     here, plan = position_amsl(state), planned_flight(state, look_ahead_s)
     if here is None or plan is None:
@@ -90,7 +89,6 @@ def stop_in_time(state: AgentState) -> StepResult:
         plan = until_landing(plan)  # over the goal the landing queue decides
     plan = plan.lasting(now_s + look_ahead_s)
     mine = _own_paths(state, here, velocity, plan)
-    others = {uav: flight for uav, flight in known_flights(state).items() if uav in near}
     stop, late_stop = _stop(state, here, velocity, now_s), _later_stop(state, plan, REACTS_S, BRAKING_M_S2)
     to_avoid = frozenset(
         uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, late_stop, uav, flight)
@@ -192,7 +190,7 @@ def _stop_of(state: AgentState, uav: int) -> Paths:
     if report is None or not report.state.hovers or report.state.phase == Phase.LAUNCHING:
         return ()
     now_s, path = state.vehicle.time_boot_s, predict(state, report)
-    here = None if path is None else path.higher(home_amsl_m(state)).at(now_s)
+    here = None if path is None else path.at(now_s)
     return () if here is None else (_stop(state, here, report.state.velocity_m_s, now_s),)
 
 
@@ -237,10 +235,9 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
     A vehicle off its intent flies straight on. A vehicle with a hold as its intent brakes.
     """
     now_s, report = state.vehicle.time_boot_s, state.neighbours.get(uav)
-    path = None if report is None else predict(state, report)
-    if path is None:
+    straight = None if report is None else predict(state, report)
+    if straight is None:
         return (intent.flight,)
-    straight = path.higher(home_amsl_m(state))
     if intent.straight is not None:
         return (straight,)
     if intent.flight.ends_in_hold:

@@ -42,7 +42,11 @@ def receive_neighbours(state: AgentState, states: Sequence[tuple[int, StateShare
     """Store the states of nearby and returning vehicles, and the arrival times."""
     now_s, to_local = state.vehicle.time_boot_s, state.task.grid.frame.to_local
     reports = {
-        uav: NeighbourReport(shared, now_s - shared.age_s, *to_local(shared.lat_deg, shared.lon_deg))
+        uav: NeighbourReport(
+            shared,
+            now_s - shared.age_s,
+            (*to_local(shared.lat_deg, shared.lon_deg), shared.alt_amsl_m),
+        )
         for uav, shared in states
     }
     before, is_near = state.all_neighbours, _near_test(state)
@@ -51,11 +55,7 @@ def receive_neighbours(state: AgentState, states: Sequence[tuple[int, StateShare
         for uav, report in before.items()
         if uav not in reports and 0.0 <= now_s - report.at_s <= MAX_AGE_S
     }
-    new = {
-        uav: report
-        for uav, report in reports.items()
-        if is_near(report.state, (report.east_m, report.north_m))
-    }
+    new = {uav: report for uav, report in reports.items() if is_near(report.state, report.position_m[:2])}
     if any(uav not in before or now_s - before[uav].at_s > HEARD_S for uav in new):
         state = replace(state, intent_new_boot_s=now_s)  # a vehicle hears this one for the first time
     state = note_returning(note_arrival_times(state, states), reports)

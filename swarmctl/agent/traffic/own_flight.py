@@ -29,7 +29,7 @@ from swarmctl.agent.replan.stopping import (
     swap_due_s,
 )
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import AIRBORNE_M, home_amsl_m, position_of
+from swarmctl.agent.traffic.prediction import AIRBORNE_M, home_amsl_m, position_amsl, position_of
 from swarmctl.agent.traffic.separation.trajectory import (
     Bounds,
     LocalPoint,
@@ -54,12 +54,6 @@ TOWARD_HOME = 0.7
 """Least share of its speed with which a vehicle on its return flies toward its home."""
 DESCENT_BEGINS_WITHIN_M = 2.0
 """Horizontal distance from the landing spot within which a vehicle begins its vertical descent [m]."""
-
-
-def position_amsl(state: AgentState) -> LocalPoint | None:
-    """Return the vehicle's position with the height above the sea; None if unknown."""
-    here, height_m = position_of(state), state.vehicle.alt_amsl_m
-    return None if here is None or height_m is None else (here[0], here[1], height_m)
 
 
 def planned_flight(state: AgentState, for_s: float = math.inf) -> Trajectory | None:
@@ -95,37 +89,37 @@ def landing_flight(state: AgentState) -> Trajectory | None:
 
 
 def own_trajectory(state: AgentState) -> Trajectory | None:
-    """Return the own trajectory for the look-ahead time, heights above home; None: the position is unknown.
+    """Return the own trajectory for the look-ahead time; None: the position is unknown.
 
     A vehicle on its route flies its plan until its landing. In other phases, in hold, and during a mission
     change, it flies straight on.
     """
-    here, vehicle, for_s = position_of(state), state.vehicle, state.task.separation.look_ahead_s
+    here, vehicle, for_s = position_amsl(state), state.vehicle, state.task.separation.look_ahead_s
     if here is None:
         return None
     now_s = vehicle.time_boot_s
     if state.phase in EN_ROUTE and state.plans.mission is not None and state.plans.pending is None:
-        flight = _phase_trajectory(state, here, for_s)
+        flight = planned_flight(state, for_s)
         if flight is not None:
-            return until_landing(flight).later(now_s).lasting(now_s + for_s)
+            return until_landing(flight).lasting(now_s + for_s)
     return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
 
 
 def reach(state: AgentState, for_s: float, straight_on_s: float) -> Bounds | None:
     """Return a box around the own flight of a copter for `for_s` from now; None: the position is unknown.
 
-    The box has heights above home, and is larger than the flight: a quick test before a flight is computed.
-    It also holds the flight straight on for `straight_on_s`.
+    The box is larger than the flight: a quick test before a flight is computed. It also holds the flight
+    straight on for `straight_on_s`.
     """
-    here, vehicle, task = position_of(state), state.vehicle, state.task
+    here, vehicle, task = position_amsl(state), state.vehicle, state.task
     if here is None:
         return None
-    east_m, north_m, up_m = here
+    (east_m, north_m, up_m), home_m = here, home_amsl_m(state)
     heights_m = [up_m, up_m + straight_on_s * vehicle.climb_m_s]
     swaps = (state.plans.pending, state.plans.mission)
-    heights_m += [swap.plan.height_m for swap in swaps if swap is not None]
+    heights_m += [home_m + swap.plan.height_m for swap in swaps if swap is not None]
     if state.phase is Phase.LEAVING:
-        heights_m.append(task.altitude_m)
+        heights_m.append(home_m + task.altitude_m)
     fastest_m_s = max(vehicle.ground_speed_m_s, task.speed_m_s, state.speed.m_s or 0.0)
     away_m = REACH_FACTOR * (for_s * fastest_m_s + VERTICAL_WITHIN_M)
     if not _lands_beyond(state, away_m):
@@ -228,7 +222,7 @@ def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory 
     The given flight begins at 0 s and has heights above home. The result is None if the heights are unknown.
     """
     vehicle = state.vehicle
-    if flight is None or vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
+    if flight is None or not vehicle.has_position:
         return None
     return flight.later(vehicle.time_boot_s).higher(home_amsl_m(state))
 

@@ -1,6 +1,6 @@
-"""Predicted trajectories of this vehicle and its neighbours. Pure.
+"""Positions of this vehicle, and predicted trajectories of its neighbours. Pure.
 
-Points are in the area's local frame [m], with heights above this vehicle's home.
+Points are in the area's local frame [m]. Heights are above the sea, except where a docstring says above home.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import MAX_REPORT_AGE_S, NeighbourReport
 from swarmctl.core.frames import StateShared
-from swarmctl.core.vehicle import VehicleState
 
 HEARD_S = 3.0
 """Time without a state of any vehicle nearby after which a vehicle hears no other vehicle any more [s]."""
@@ -23,11 +22,25 @@ AIRBORNE_M = 1.0
 
 
 def position_of(state: AgentState) -> LocalPoint | None:
-    """Return this vehicle's position; None if the last telemetry has none."""
+    """Return this vehicle's position, height above home; None if the last telemetry has none."""
     vehicle = state.vehicle
     if vehicle.lat_lon is None or vehicle.alt_rel_m is None:
         return None
     return (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_rel_m)
+
+
+def position_amsl(state: AgentState) -> LocalPoint | None:
+    """Return this vehicle's position; None if the last telemetry has none."""
+    vehicle = state.vehicle
+    if vehicle.lat_lon is None or vehicle.alt_amsl_m is None:
+        return None
+    return (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_amsl_m)
+
+
+def home_amsl_m(state: AgentState) -> float:
+    """Return the height of this vehicle's home above the sea; 0 without a position."""
+    vehicle = state.vehicle
+    return (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
 
 
 def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
@@ -36,25 +49,24 @@ def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
     if not report.is_recent(now_s) or reported.alt_rel_m < AIRBORNE_M:
         return None
     for_s = now_s - report.at_s + state.task.separation.look_ahead_s
-    return extrapolate(_reported_position(state, report), reported.velocity_m_s, report.at_s, for_s)
+    return extrapolate(report.position_m, reported.velocity_m_s, report.at_s, for_s)
 
 
 def predictions(state: AgentState, within: Bounds) -> dict[int, Trajectory]:
-    """Return the extrapolated trajectories of the neighbours that come within bounds, heights above home."""
+    """Return the extrapolated trajectories of the neighbours that come within bounds."""
     (_, west_m, south_m, low_m), (_, east_m, north_m, high_m) = within.least, within.most
     until_s = state.vehicle.time_boot_s + state.task.separation.look_ahead_s
     found = {}
     for uav, report in state.neighbours.items():
         # Most neighbours are at other heights or far away, and need no trajectory.
-        shared, lasts_s = report.state, until_s - report.at_s
-        east_m_s, north_m_s, up_m_s = shared.velocity_m_s
-        up_m = _up_m(state.vehicle, shared)
+        lasts_s, (at_east_m, at_north_m, up_m) = until_s - report.at_s, report.position_m
+        east_m_s, north_m_s, up_m_s = report.state.velocity_m_s
         to_up_m = up_m + up_m_s * lasts_s
         if (up_m > high_m and to_up_m > high_m) or (up_m < low_m and to_up_m < low_m):
             continue
         if (
-            _passes(report.east_m, east_m_s * lasts_s, west_m, east_m)
-            and _passes(report.north_m, north_m_s * lasts_s, south_m, north_m)
+            _passes(at_east_m, east_m_s * lasts_s, west_m, east_m)
+            and _passes(at_north_m, north_m_s * lasts_s, south_m, north_m)
             and (path := predict(state, report))
         ):
             found[uav] = path
@@ -66,32 +78,6 @@ def _passes(begin_m: float, way_m: float, low_m: float, high_m: float) -> bool:
     if way_m > 0.0:
         return begin_m <= high_m and begin_m + way_m >= low_m
     return begin_m >= low_m and begin_m + way_m <= high_m
-
-
-def home_amsl_m(state: AgentState) -> float:
-    """Return the height of this vehicle's home above the sea; 0 if the vehicle's heights are unknown."""
-    vehicle = state.vehicle
-    return (
-        0.0
-        if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None
-        else vehicle.alt_amsl_m - vehicle.alt_rel_m
-    )
-
-
-def _reported_position(state: AgentState, report: NeighbourReport) -> LocalPoint:
-    return report.east_m, report.north_m, _up_m(state.vehicle, report.state)
-
-
-def reported_amsl_m(state: AgentState, report: NeighbourReport) -> float:
-    """Return the reported height of another vehicle above the sea [m]."""
-    return _up_m(state.vehicle, report.state) + home_amsl_m(state)
-
-
-def _up_m(vehicle: VehicleState, other: StateShared) -> float:
-    """Return the height of another vehicle above this vehicle's home; the two homes may differ in height."""
-    if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or other.alt_amsl_m is None:
-        return other.alt_rel_m
-    return other.alt_amsl_m - vehicle.alt_amsl_m + vehicle.alt_rel_m
 
 
 def hears_nobody(state: AgentState) -> bool:
@@ -121,7 +107,7 @@ def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     """Return the last positions of silent vehicles, as trajectories; for vehicles without a known intent."""
     now_s = state.vehicle.time_boot_s
     return {
-        uav: extrapolate(_reported_position(state, report), (0.0, 0.0, 0.0), now_s, MAX_AGE_S)
+        uav: extrapolate(report.position_m, (0.0, 0.0, 0.0), now_s, MAX_AGE_S)
         for uav, report in state.neighbours.items()
         if MAX_REPORT_AGE_S < now_s - report.at_s <= MAX_AGE_S and report.state.alt_rel_m >= AIRBORNE_M
     }

@@ -13,7 +13,7 @@ from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
 from swarmctl.agent.traffic.own_flight import HOLD_DURATION_S
-from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S, reported_amsl_m
+from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, brake, until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core.frames import IntentShared
@@ -57,8 +57,7 @@ def with_reported_holds(state: AgentState) -> AgentState:
             continue
         shared = report.state
         if shared.waits and shared.hovers and shared.alt_rel_m >= AIRBORNE_M:
-            here = report.east_m, report.north_m, reported_amsl_m(state, report)
-            flight = brake(here, shared.velocity_m_s, report.at_s).holding(HOLD_DURATION_S)
+            flight = brake(report.position_m, shared.velocity_m_s, report.at_s).holding(HOLD_DURATION_S)
             holds[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=report.at_s)
     return with_traffic(state, intents={**intents, **holds}) if holds else state
 

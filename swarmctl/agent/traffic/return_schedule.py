@@ -177,23 +177,19 @@ def is_plausible(position: VehiclePosition) -> bool:
 def position_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosition | None:
     """Return the position of a vehicle that returns or waits to return, from its broadcast state.
 
-    Speed and separation come from `own`. If the state has no height above the sea, the height of home also
-    comes from `own`. The result is None if the vehicle does not return, or if the state is implausible.
+    Speed and separation come from `own`. The result is None if the vehicle does not return, or if the state
+    is implausible.
     """
     if state.returns_to is None or abs(state.alt_rel_m) > MAX_HEIGHT_M:
         return None
     if distance_m((state.lat_deg, state.lon_deg), state.returns_to) > MAX_DISTANCE_M:
         return None
-    if state.alt_amsl_m is None:
-        alt_amsl_m, ground_amsl_m = own.home_alt_amsl_m + state.alt_rel_m, own.home_alt_amsl_m
-    else:
-        alt_amsl_m, ground_amsl_m = state.alt_amsl_m, state.alt_amsl_m - state.alt_rel_m
     return VehiclePosition(
         state.lat_deg,
         state.lon_deg,
-        alt_amsl_m,
+        state.alt_amsl_m,
         *state.returns_to,
-        ground_amsl_m,
+        state.alt_amsl_m - state.alt_rel_m,
         own.speed_m_s,
         own.min_separation_m,
         is_returning=True,

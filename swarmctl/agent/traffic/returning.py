@@ -33,8 +33,8 @@ from swarmctl.agent.traffic.check import (
     clashes_of_route,
     known_flights,
 )
-from swarmctl.agent.traffic.own_flight import landing_flight, position_amsl, return_flights
-from swarmctl.agent.traffic.prediction import hears_nobody
+from swarmctl.agent.traffic.own_flight import landing_flight, return_flights
+from swarmctl.agent.traffic.prediction import hears_nobody, position_amsl
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
 from swarmctl.agent.traffic.route_hold import would_block

@@ -34,14 +34,13 @@ from swarmctl.agent.traffic.own_flight import (
     flight_by_plan,
     hold_from,
     planned_flight,
-    position_amsl,
     stop_from,
 )
 from swarmctl.agent.traffic.prediction import (
     hears_nobody,
     home_amsl_m,
+    position_amsl,
     position_of,
-    reported_amsl_m,
 )
 from swarmctl.agent.traffic.priority import SAME_HEIGHT_M, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
@@ -134,18 +133,15 @@ def goes_second(state: AgentState) -> bool:
 
     Two vehicles that wait for each other would otherwise go on at the same moment, and stop again.
     """
-    here = position_of(state)
+    here = position_amsl(state)
     if here is None:
         return False
-    mine = Standing(activity_of(state.phase), True, state.task.uav, here[2] + home_amsl_m(state))
+    mine = Standing(activity_of(state.phase), True, state.task.uav, here[2])
     near_m = WAITS_NEAR * state.task.separation.limits.horizontal_m
     return any(
         bool(report.state.waits)
-        and math.dist(here[:2], (report.east_m, report.north_m)) <= near_m
-        and gives_way(
-            mine,
-            Standing(activity_of(report.state.phase), True, uav, reported_amsl_m(state, report)),
-        )
+        and math.dist(here[:2], report.position_m[:2]) <= near_m
+        and gives_way(mine, Standing(activity_of(report.state.phase), True, uav, report.position_m[2]))
         for uav, report in state.neighbours.items()
     )
 
@@ -316,8 +312,8 @@ def heights_to_try(state: AgentState, plan: FlightPlan) -> Sequence[float]:
     height that the vehicle would reach only over its goal is no way out: others come down there. From a hold
     the vehicle climbs on the spot, and this limit does not apply.
     """
-    task, vehicle, planned_m, here = state.task, state.vehicle, plan.height_m, position_of(state)
-    if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or here is None:
+    task, planned_m, here = state.task, plan.height_m, position_of(state)
+    if here is None:
         return []
     least_m, reachable_m = -math.inf, math.inf
     if state.plans.mission is not None:

@@ -124,7 +124,7 @@ class _MissionWatcher(Watcher):
         self._timeline.telemetry(uav, time_s, state)
         phase = ("arrived" if arrived else "flying") if self._plans[uav] else "on the ground"
         word = StateShared(
-            time_s, lat_deg, lon_deg, 0.0, phase, 0, 0,
+            time_s, lat_deg, lon_deg, 0.0, 0.0, phase, 0, 0,
             plan_id=self._plans[uav],
             replans=max(self._plans[uav] - 1, 0),
             outcome=ARRIVED if arrived else "",

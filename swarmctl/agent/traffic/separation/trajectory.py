@@ -209,11 +209,6 @@ class Bounds(msgspec.Struct, frozen=True):
         """Return the same box, shifted in time."""
         return Bounds((self.least[0] + seconds, *self.least[1:]), (self.most[0] + seconds, *self.most[1:]))
 
-    def higher(self, by_m: float) -> Bounds:
-        """Return the same box, shifted in height."""
-        (t0, e0, n0, u0), (t1, e1, n1, u1) = self.least, self.most
-        return Bounds((t0, e0, n0, u0 + by_m), (t1, e1, n1, u1 + by_m))
-
     def joined(self, other: Bounds) -> Bounds:
         """Return the box around both boxes."""
         (t0, e0, n0, u0), (t1, e1, n1, u1) = self.least, other.least

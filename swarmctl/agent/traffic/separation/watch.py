@@ -10,7 +10,7 @@ import msgspec
 
 from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, closest, intervals
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
-from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
+from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory
 from swarmctl.core.frames import StateShared
 from swarmctl.core.records import replace
 
@@ -45,9 +45,8 @@ class NeighbourReport(msgspec.Struct, frozen=True):
     state: StateShared
     at_s: float
     """time of the state by the clock of the receiving vehicle [s]"""
-    east_m: float
-    north_m: float
-    """reported position in the local frame of the area [m]"""
+    position_m: LocalPoint
+    """reported position in the local frame of the area, height above the sea [m]"""
 
     def is_recent(self, now_s: float) -> bool:
         """Return whether a position can still be predicted from this state."""
@@ -110,6 +109,10 @@ class NeighbourIntent(msgspec.Struct, frozen=True):
             return None
         bounds = Bounds.of(ahead).wider((math.inf, away_m, away_m, up_m))
         return replace(self, flight=ahead, bounds=bounds, may_change=False, landing=None, may_be_late=True)
+
+    def may_meet(self, box: Bounds) -> bool:
+        """Return whether the flight as announced may come into a box: a quick test."""
+        return box.meets(self.bounds) and (any(self.uncertainty_m) or self.flight.may_meet(box))
 
     def limits(self, limits: Limits) -> Limits:
         """Return `limits` enlarged by the uncertainty of the flight."""
