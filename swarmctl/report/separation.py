@@ -11,10 +11,10 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.plan_conflicts import DeconflictionCounts
 from swarmctl.agent.traffic.prediction import AIRBORNE_M
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
-from swarmctl.agent.traffic.separation.flown import FlownSeparation
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint
 from swarmctl.core.frames import StateShared
 from swarmctl.core.vehicle import Landed, VehicleState
+from swarmctl.report.flown_separation import FlownSeparation
 
 
 class SeparationStatistics:

@@ -104,7 +104,7 @@ def test_the_nearest_place_of_a_flight_is_on_it_and_no_sample_is_nearer(
 
 
 @given(st.lists(flights(), min_size=2, max_size=6))
-def test_the_sweep_finds_the_same_pairs_as_brute_force(swarm: list[Trajectory]) -> None:
+def test_the_conflicts_of_many_flights_are_those_of_all_pairs(swarm: list[Trajectory]) -> None:
     numbered = dict(enumerate(swarm, start=1))
     found = conflicts(numbered, LIMITS)
     every = {

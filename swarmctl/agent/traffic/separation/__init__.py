@@ -10,7 +10,6 @@ Points are (east, north, up) [m], times are by one clock [s].
 | `approach` | closest approach of two trajectories, exact |
 | `conflicts` | pairs in conflict among many trajectories |
 | `clash` | planned flights that conflict within a tolerance in time |
-| `flown` | least distance between vehicles in the air, from telemetry |
 | `watch` | alarms in flight, data on other vehicles |
 
 Imports core.

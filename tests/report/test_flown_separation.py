@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.agent.traffic.separation.approach import Limits
-from swarmctl.agent.traffic.separation.flown import FlownSeparation
+from swarmctl.report.flown_separation import FlownSeparation
 
 LIMITS = Limits(10.0, 3.0)
 
