@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -117,8 +118,10 @@ def name_series(figure: Figure, names: Sequence[str], shades: Sequence[str]) -> 
     """
     width, height = figure.get_size_inches()
     widest_pt = 0.6 * SMALL_PT * max(map(len, names)) + 20.0
-    n_columns = max(min(int((72.0 * width - 10.0) / widest_pt), len(names)), 1)
-    figure.set_size_inches(width, height + -(-len(names) // n_columns) * NAMES_MM / 25.4)
+    n_fitting = max(int((72.0 * width - 10.0) / widest_pt), 1)
+    n_lines = math.ceil(len(names) / n_fitting)
+    n_columns = math.ceil(len(names) / n_lines)
+    figure.set_size_inches(width, height + n_lines * NAMES_MM / 25.4)
     marks = [
         Line2D([], [], color=shade, marker=MARKERS[index % len(MARKERS)], mec="white", mew=0.4)
         for index, shade in enumerate(shades)
