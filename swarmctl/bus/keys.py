@@ -10,13 +10,12 @@
 | `uav/TO/inform/snapshot/FROM` | the UAV with the snapshot | the requesting UAV | put | a frame: Snapshot |
 | `uav/TO/inform/relayed/FROM` | a UAV | a UAV in range | put | a frame: Relayed |
 | `station/inform/state/FROM` | a UAV | ground stations | put | a frame: StateShared |
-| `uav/TO/request/weights/operator` | operator | the UAV's agent | query | SetWeights; reply: OperatorAnswer |
-| `uav/TO/request/order/operator` | operator | the UAV's agent | query | GiveOrder; reply: OperatorAnswer |
+| `uav/TO/request/weights/operator` | operator | the UAV's agent | query | SetWeights; reply: VehicleAnswer |
+| `uav/TO/request/order/operator` | operator | the UAV's agent | query | GiveOrder; reply: VehicleAnswer |
 | `station/propagate/observation/FROM` | a UAV | ground stations | put | a copy of the frame to the UAVs |
 | `station/propagate/intent/FROM` | a UAV | ground stations | put | a copy of the frame to the UAVs |
 | `station/propagate/member/FROM` | a UAV | ground stations | put | a copy of the frame to the UAVs |
-| `station/request/weights/operator` | operator | `swarmctl fly` | query | SetWeights; reply: OperatorAnswer |
-| `station/request/order/operator` | operator | `swarmctl fly` | query | GiveOrder; reply: OperatorAnswer |
+| `station/query-ref/vehicles/operator` | operator | `swarmctl fly` | query | empty; reply: SwarmVehicles |
 | `node/ID`, `node/ID/missed` | – | a mesh's node | subscribe | none: the subscription shows presence |
 | `uav/TO/inform/look/sensor` | a payload, or a person | the UAV's agent | put or query | JSON |
 
@@ -73,14 +72,18 @@ def copies(swarm: str) -> str:
     return f"{ROOT}/{swarm}/station/propagate/**"
 
 
-def request(swarm: str, kind: RequestKind, uav: int | None = None) -> str:
-    """Return the key of an operator's requests to an agent, or to `swarmctl fly` if `uav` is None."""
-    receiver = "station" if uav is None else f"uav/{uav}"
-    return f"{ROOT}/{swarm}/{receiver}/request/{kind}/operator"
+def request(swarm: str, kind: RequestKind, uav: int) -> str:
+    """Return the key of an operator's requests to the agent of a vehicle."""
+    return f"{ROOT}/{swarm}/uav/{uav}/request/{kind}/operator"
 
 
-def sensor_report(swarm: str, uav: int | Literal["*"]) -> str:
-    """Return the key of a payload's reports to its vehicle's agent; `*`: any vehicle, for access lists."""
+def swarm_vehicles(swarm: str) -> str:
+    """Return the key of an operator's question to `swarmctl fly` which vehicles the swarm has."""
+    return f"{ROOT}/{swarm}/station/query-ref/vehicles/operator"
+
+
+def sensor_report(swarm: str, uav: int) -> str:
+    """Return the key of a payload's reports to its vehicle's agent."""
     return f"{ROOT}/{swarm}/uav/{uav}/inform/look/sensor"
 
 

@@ -1,15 +1,15 @@
 """Operator service: receives commands from the bus and returns the agents' answers.
 
-A command from a network moves aircraft, so an invalid command changes nothing. The service counts each
-refusal. The operator gets an answer for each vehicle of an accepted command. The rate limit of a key fits
-commands typed by hand; only commands with a valid signature count. New weights cause a new plan. So an agent
-gets new weights only after it has handled the previous weights.
+Each vehicle has keys of its own, so a command reaches one agent and has one answer. A command from a network
+moves aircraft, so an invalid command changes nothing. The service counts each refusal. The rate limit of a
+key fits commands typed by hand; only commands with a valid signature count. New weights cause a new plan. So
+an agent gets new weights only after it has handled the previous weights.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Protocol
@@ -20,21 +20,20 @@ from swarmctl.bus.rate import TokenBucket
 from swarmctl.bus.transports.base import MAX_QUERY_BYTES, Reply, Transport
 from swarmctl.core import events as ev
 from swarmctl.core.messages import (
-    ENDING_ORDERS,
     BadMessage,
     GiveOrder,
-    OperatorAnswer,
+    Refusal,
     Request,
     SetWeights,
+    SwarmVehicles,
     VehicleAnswer,
     decode_command,
     encode,
-    refused_names,
 )
-from swarmctl.core.operator_text import excerpt, name_problems, printable, resolve_vehicles
+from swarmctl.core.operator_text import excerpt, listed, printable
 
 ANSWER_WITHIN_S = 3.0
-"""longest wait for the agents' answers; an agent in a long search may answer too late"""
+"""longest wait for an agent's answer; an agent in a long search may answer too late"""
 PER_S = 4.0
 BURST = 8
 """limits on commands with a valid signature under one key, refused or not: PER_S a second, BURST at once"""
@@ -43,12 +42,10 @@ CHECKED_PER_S = 200.0
 If checks are cheap, all commands are checked, and further invalid commands get no answer."""
 CHECKED_BURST = 100
 SHOWN_PER_S, SHOWN_BURST = 0.1, 4
-"""limits on messages about invalid signatures"""
-TOO_FAST = encode(
-    OperatorAnswer(
-        refused=f"operators send more than {PER_S:g} commands a second; this command changed nothing, repeat "
-        "it later [commands-too-fast]"
-    )
+"""limits on messages about refused commands"""
+TOO_FAST = (
+    f"operators send more than {PER_S:g} commands a second to one vehicle; this command changed nothing, "
+    "repeat it later [commands-too-fast]"
 )
 KINDS: dict[type[Request], keys.RequestKind] = {SetWeights: "weights", GiveOrder: "order"}
 """kind of each command, for its key"""
@@ -56,34 +53,25 @@ BUSY = (
     "the vehicle has not handled its previous weights yet; nothing was changed, repeat the command later "
     "[vehicle-busy]"
 )
+UNCONFIRMED = (
+    f"the agent received the command but did not handle it within {ANSWER_WITHIN_S:g} s; watch the vehicle, "
+    "or repeat the command [not-handled-yet]"
+)
 
 
 @dataclass(slots=True)
 class CommandCounts:
-    """Numbers of received commands."""
+    """Numbers of received commands, each to one vehicle."""
 
     passed_on: int = 0
     refused: int = 0
 
 
 @dataclass(slots=True)
-class _PendingCommand:
-    """A command that some agents have not answered yet."""
-
-    uavs: list[int]
-    unknown: Mapping[str, str]
-    """names that no vehicle has, and the reasons"""
-    reply: Reply
-    answers: dict[int, VehicleAnswer]
-
-
-@dataclass(slots=True)
-class _RateLimit:
-    """A limit on commands, and whether an excess was reported."""
-
-    bucket: TokenBucket = field(default_factory=lambda: TokenBucket(PER_S, BURST))
-    is_reported: bool = False
-    """True if an excess was reported since the last pause"""
+class _ServedKey:
+    execute: Callable[[bytes, Reply], None]
+    """function that executes a request with a valid signature; raises BadMessage for a refused request"""
+    checks: TokenBucket = field(default_factory=lambda: TokenBucket(CHECKED_PER_S, CHECKED_BURST))
 
 
 AgentCommand = ev.WeightsChanged | ev.OperatorCommand
@@ -101,15 +89,13 @@ class Agent(Protocol):
 
 RefusalCheck = Callable[[Request], str]
 """function that returns the reason to refuse a command now; empty: the command is accepted"""
-ReturnDelays = Callable[[Sequence[int]], Mapping[int, float]]
-"""function that returns the delay of each vehicle's return if all these vehicles are recalled [s]"""
 
 
 class OperatorService:
-    """The operator service of a process.
+    """The operator service of a process, under the keys of its vehicles.
 
     `agents`: the agents of the process, by system id
-    `uav`: the vehicle whose keys are served; None: the station's keys, if one process flies the whole swarm.
+    `flies_all`: the process flies the whole swarm, and also answers which vehicles the swarm has.
     """
 
     def __init__(
@@ -119,48 +105,41 @@ class OperatorService:
         say: Callable[[str], None],
         agents: Mapping[int, Agent],
         *,
-        uav: int | None = None,
+        flies_all: bool,
         refusal: RefusalCheck = lambda _command: "",
-        delays: ReturnDelays = lambda _uavs: {},
         authentication: Authentication = NO_AUTHENTICATION,
     ) -> None:
         self.counts = CommandCounts()
-        self._keys = {keys.request(swarm, kind, uav): kind for kind in keys.REQUEST_KINDS}
         self._refusal = refusal
-        self._return_delays = delays
         self._authentication = authentication
         self._say = say
         self._agents = dict(agents)
-        self._pending: dict[int, _PendingCommand] = {}
+        self._pending: dict[int, Reply] = {}
+        """command number -> reply to a command without an answer yet"""
         self._busy: dict[int, int] = {}
         """vehicle -> number of the SetWeights command that the vehicle has not handled yet"""
-        # Each key has its own limit: a flood of weights must not block an order to hold.
-        self._limits = {key: _RateLimit() for key in self._keys}
-        self._wildcard_limit = _RateLimit()
-        self._signature_checks = {key: TokenBucket(CHECKED_PER_S, CHECKED_BURST) for key in self._keys}
-        self._shown_invalid = TokenBucket(SHOWN_PER_S, SHOWN_BURST)
+        self._shown = TokenBucket(SHOWN_PER_S, SHOWN_BURST)
+        self._keys = {
+            # Each key has its own limit: a flood of weights must not block an order to hold.
+            keys.request(swarm, kind, uav): _ServedKey(
+                partial(self._command, uav, kind, TokenBucket(PER_S, BURST))
+            )
+            for uav in agents
+            for kind in keys.REQUEST_KINDS
+        }
+        if flies_all:
+            self._keys[keys.swarm_vehicles(swarm)] = _ServedKey(self._answer_vehicles)
         for key in self._keys:
             transport.serve(key, self._receive)
 
-    def _answered(self, command: int, answer: VehicleAnswer) -> None:
-        """Record an agent's answer; an answer after the time-out is dropped."""
-        if self._busy.get(answer.uav) == command:
-            del self._busy[answer.uav]
-        waiting = self._pending.get(command)
-        if waiting is None:
-            return
-        waiting.answers[answer.uav] = answer
-        if len(waiting.answers) == len(waiting.uavs):
-            self._close(command)
-
     def _receive(self, key: str, payload: bytes | None, reply: Reply) -> None:
         now_s = asyncio.get_running_loop().time()
-        if key not in self._keys:
-            # A wildcard addresses many swarms at once.
-            if self._is_within_rate(self._wildcard_limit, now_s):
-                self._refuse(f"the key is {key}, expected {' or '.join(self._keys)}", None)
+        served = self._keys.get(key)
+        if served is None:
+            # A wildcard addresses many vehicles at once.
+            self._refuse(f"the key is {key}, expected the key of one vehicle", now_s)
             return
-        is_within_limit = self._signature_checks[key].try_take(now_s)
+        is_within_limit = served.checks.try_take(now_s)
         if not (is_within_limit or self._authentication.is_cheap):
             self.counts.refused += 1
             return
@@ -168,14 +147,12 @@ class OperatorService:
         try:
             verified = self._verified(key, payload)
         except BadMessage as error:
-            is_shown = is_within_limit and self._shown_invalid.try_take(now_s)
-            self._refuse(str(error), reply if is_within_limit else None, is_shown=is_shown)
+            self._refuse(str(error), now_s, reply if is_within_limit else None)
             return
-        # After the signature check: other senders must not use up the operator's rate.
-        if self._is_within_rate(self._limits[key], now_s):
-            self._execute(key, verified, reply)
-        else:
-            reply(TOO_FAST)
+        try:
+            served.execute(verified, reply)
+        except BadMessage as error:
+            self._refuse(str(error), now_s, reply)
 
     def _signed_reply(self, key: str, payload: bytes | None, reply: Reply) -> Reply:
         if payload is None:
@@ -187,127 +164,58 @@ class OperatorService:
             raise BadMessage(f"the payload is above the limit of {MAX_QUERY_BYTES} bytes")
         return self._authentication.verify(key, payload)
 
-    def _execute(self, key: str, verified: bytes, reply: Reply) -> None:
-        try:
-            command = self._command(key, verified)
-            uavs, unknown = self._vehicles(command)
-            ignored = self._ignored_vehicles(command)
-        except (BadMessage, ValueError) as error:
-            self._refuse(str(error), reply)
-            return
-        # A change of weights causes a new plan; an order does not wait for that plan.
-        busy = set() if isinstance(command, GiveOrder) else self._busy.keys() & set(uavs)
-        if len(busy) < len(uavs):
-            self._pass_on(command, uavs, unknown, ignored, busy, reply)
-        else:
-            self._refuse(f"no vehicle of the command is free: {BUSY}", reply)
+    def _answer_vehicles(self, _request: bytes, reply: Reply) -> None:
+        reply(encode(SwarmVehicles({uav: agent.name for uav, agent in self._agents.items()})))
 
-    def _command(self, key: str, verified: bytes) -> Request:
+    def _command(
+        self, uav: int, kind: keys.RequestKind, limit: TokenBucket, verified: bytes, reply: Reply
+    ) -> None:
+        """Pass a command to the agent of vehicle `uav`. Raises BadMessage for a refused command."""
+        loop = asyncio.get_running_loop()
+        # After the signature check: other senders must not use up the operator's rate.
+        if not limit.try_take(loop.time()):
+            raise BadMessage(TOO_FAST)
         command = decode_command(verified)
-        kind = KINDS[type(command)]
-        if kind != self._keys[key]:
-            raise BadMessage(f"the command is of kind {kind}, but arrived under the key {key}")
+        found = KINDS[type(command)]
+        if found != kind or command.uavs != (uav,):
+            named = "all vehicles" if command.uavs is None else listed(map(str, command.uavs))
+            raise BadMessage(f"the command is of kind {found} for {named}, expected {kind} for vehicle {uav}")
         if why := self._refusal(command):
             raise BadMessage(why)
-        return command
+        # A change of weights causes a new plan; an order does not wait for that plan.
+        if isinstance(command, SetWeights) and uav in self._busy:
+            raise BadMessage(BUSY)
+        agent, number = self._agents[uav], self.counts.passed_on + 1
+        event = _event(number, command)
+        self.counts.passed_on = number
+        if isinstance(command, SetWeights):
+            self._busy[uav] = number
+        self._pending[number] = reply
+        unconfirmed = VehicleAnswer(uav, agent.name, "unconfirmed", note=UNCONFIRMED)
+        loop.call_later(ANSWER_WITHIN_S, self._reply, number, unconfirmed)
+        agent.command(event, partial(self._answered, number))
 
-    def _pass_on(
-        self,
-        command: Request,
-        uavs: list[int],
-        unknown: Mapping[str, str],
-        ignored: tuple[int, ...],
-        busy: Set[int],
-        reply: Reply,
-    ) -> None:
-        self.counts.passed_on += 1
-        number = self.counts.passed_on
-        refusals = {u: VehicleAnswer(u, self._agents[u].name, "refused", note=BUSY) for u in busy}
-        self._pending[number] = _PendingCommand(uavs, unknown, reply, refusals)
-        asyncio.get_running_loop().call_later(ANSWER_WITHIN_S, partial(self._close, number))
-        is_recall = isinstance(command, GiveOrder) and command.order == "return" and len(uavs) > 1
-        delays = self._return_delays(uavs) if is_recall else {}
-        for uav in (u for u in uavs if u not in busy):
-            if isinstance(command, SetWeights):
-                self._busy[uav] = number
-            event = _event(number, command, delays.get(uav), ignored)
-            self._agents[uav].command(event, partial(self._answered, number))
+    def _answered(self, number: int, answer: VehicleAnswer) -> None:
+        if self._busy.get(answer.uav) == number:
+            del self._busy[answer.uav]
+        self._reply(number, answer)
 
-    def _vehicles(self, command: Request) -> tuple[list[int], dict[str, str]]:
-        """Return the command's vehicles in the swarm's order, and the names that no vehicle has.
+    def _reply(self, number: int, answer: VehicleAnswer) -> None:
+        """Reply to a command once; an answer after the time-out is dropped."""
+        if (reply := self._pending.pop(number, None)) is not None:
+            reply(encode(answer))
 
-        An order that ends flights is for the vehicles with valid names: a misspelt name must not keep the
-        others in the air. Raises ValueError for another command with such a name, and if no name is valid.
-        """
-        words, names = command.uavs, self._names()
-        if words is None:
-            return list(self._agents), {}
-        ends_flights = isinstance(command, GiveOrder) and command.order in ENDING_ORDERS
-        unknown = name_problems(words, names) if ends_flights else {}
-        valid = [word for word in words if str(word) not in unknown]
-        try:
-            return resolve_vehicles(valid or words, names), unknown
-        except ValueError as error:
-            raise ValueError(f"nothing was changed: {error}") from None
-
-    def _ignored_vehicles(self, command: Request) -> tuple[int, ...]:
-        """Return the system ids of the vehicles that a launch ignores. Raises ValueError for an unknown name.
-
-        This service has all names only if one process flies the whole swarm.
-        """
-        words = command.ignore if isinstance(command, GiveOrder) else ()
-        ids = tuple(word for word in words if isinstance(word, int))
-        if len(ids) == len(words):
-            return ids
-        try:
-            return tuple(resolve_vehicles(words, self._names()))
-        except ValueError as error:
-            raise ValueError(f"nothing was changed: {error}") from None
-
-    def _names(self) -> dict[int, str]:
-        return {uav: agent.name for uav, agent in self._agents.items()}
-
-    def _is_within_rate(self, limit: _RateLimit, now_s: float) -> bool:
-        """Return whether a command is within the limit; report the first excess after each pause."""
-        if limit.bucket.is_full(now_s):
-            limit.is_reported = False
-        if limit.bucket.try_take(now_s):
-            return True
-        self.counts.refused += 1
-        if not limit.is_reported:
-            self._say(
-                f"operators send more than {PER_S:g} commands a second; the commands above this limit are "
-                "refused [commands-too-fast]"
-            )
-        limit.is_reported = True
-        return False
-
-    def _close(self, number: int) -> None:
-        """Reply with the vehicles' answers; a vehicle without an answer is unconfirmed."""
-        waiting = self._pending.pop(number, None)
-        if waiting is None:
-            return
-        answers = [waiting.answers.get(uav) or self._unconfirmed(uav) for uav in waiting.uavs]
-        answers += refused_names(waiting.unknown)
-        waiting.reply(encode(OperatorAnswer(vehicles=tuple(answers))))
-
-    def _unconfirmed(self, uav: int) -> VehicleAnswer:
-        note = (
-            f"the agent received the command but did not handle it within {ANSWER_WITHIN_S:g} s; watch the "
-            "vehicle, or repeat the command [not-handled-yet]"
-        )
-        return VehicleAnswer(uav, self._agents[uav].name, "unconfirmed", note=note)
-
-    def _refuse(self, why: str, reply: Reply | None, *, is_shown: bool = True) -> None:
+    def _refuse(self, why: str, now_s: float, reply: Reply | None = None) -> None:
         self.counts.refused += 1
         why = excerpt(why)
-        if is_shown:
+        if self._shown.try_take(now_s):
             self._say(f"an operator's command was refused ({self.counts.refused} so far): {why}")
         if reply is not None:
-            reply(encode(OperatorAnswer(refused=why)))
+            reply(encode(Refusal(why)))
 
 
-def _event(number: int, command: Request, delay_s: float | None, ignored: tuple[int, ...]) -> AgentCommand:
+def _event(number: int, command: Request) -> AgentCommand:
+    """Return the event for the agent. Raises BadMessage."""
     match command:
         case SetWeights():
             return ev.WeightsChanged(
@@ -318,7 +226,8 @@ def _event(number: int, command: Request, delay_s: float | None, ignored: tuple[
                 printable(command.by),
                 {printable(name): weight for name, weight in command.behaviours.items()},
             )
-        case GiveOrder(order=order, after_s=after_s):
-            by = printable(command.by)
-            after_s = max((s for s in (after_s, delay_s) if s is not None), default=None)
-            return ev.OperatorCommand(ev.FlightOrder(order), number, after_s, ignored, by=by)
+        case GiveOrder(order=order, after_s=after_s, ignore=ignore):
+            ids = tuple(word for word in ignore if isinstance(word, int))
+            if len(ids) < len(ignore):
+                raise BadMessage(f"vehicles to ignore are {listed(map(str, ignore))}, expected system ids")
+            return ev.OperatorCommand(ev.FlightOrder(order), number, after_s, ids, by=printable(command.by))

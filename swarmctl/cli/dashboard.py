@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,7 +17,7 @@ from swarmctl.cli.configuration import load_roster_or_exit, load_scenario_or_exi
 from swarmctl.cli.console import FAILED, OK, USAGE, ConnectOption, fail, say
 from swarmctl.cli.live_dashboard import MISSING
 from swarmctl.config.problems import ConfigError
-from swarmctl.core.messages import OperatorAnswer, Request
+from swarmctl.core.messages import Request, VehicleAnswer
 from swarmctl.core.operator_text import extended
 from swarmctl.report import record_file
 
@@ -201,30 +201,30 @@ async def _watch(config: Path, connect: str | None, serve: Callable[..., Corouti
 
 def _sender(
     swarm: str, config: Path | None = None, connect: str | None = None
-) -> Callable[[Request], Awaitable[OperatorAnswer]]:
+) -> Callable[[Request], Awaitable[Sequence[VehicleAnswer]]]:
     """Return the way of commands from the page to a swarm, that of `swarmctl order` and `set`."""
     from swarmctl.cli.operator_command import send_command  # noqa: PLC0415
     from swarmctl.dashboard.orders_panel import NotSent  # noqa: PLC0415
     from swarmctl.security.files import KeyringError  # noqa: PLC0415
     from swarmctl.station.client import NoValidAnswer  # noqa: PLC0415
 
-    async def send_or_tell(request: Request) -> OperatorAnswer:
+    async def send_or_tell(request: Request) -> Sequence[VehicleAnswer]:
         try:
-            _, answer = await send_command(request, swarm if config is None else None, config, connect)
+            _, answers = await send_command(request, swarm if config is None else None, config, connect)
         except (BusError, KeyringError, NoValidAnswer, ValueError) as error:
             raise NotSent(str(error)) from error
-        return answer
+        return answers
 
     return send_or_tell
 
 
-def _sender_to_flight(swarm: str, record: Path) -> Callable[[Request], Awaitable[OperatorAnswer]]:
+def _sender_to_flight(swarm: str, record: Path) -> Callable[[Request], Awaitable[Sequence[VehicleAnswer]]]:
     """Return the sender of commands to a flight; after its end a later flight may have the same name."""
     from swarmctl.dashboard.orders_panel import NotSent  # noqa: PLC0415
 
     send = _sender(swarm)
 
-    async def send_to_flight(request: Request) -> OperatorAnswer:
+    async def send_to_flight(request: Request) -> Sequence[VehicleAnswer]:
         try:
             is_flying = record_file.is_in_progress(record)
         except record_file.RecordError as error:

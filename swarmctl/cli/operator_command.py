@@ -19,12 +19,12 @@ from swarmctl.bus.transports.base import BusError
 from swarmctl.cli.configuration import fail_for_keys, load_roster_or_exit
 from swarmctl.cli.console import FAILED, USAGE, err, fail, out, say, split_items
 from swarmctl.config import joining
-from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
+from swarmctl.core.messages import Request, VehicleAnswer
 from swarmctl.security.files import KeyringError
 from swarmctl.security.participant import Keyring
 from swarmctl.security.requests import OperatorSigning, TokenSigning
 from swarmctl.security.token import Token, token_of_environment
-from swarmctl.station import client, recall
+from swarmctl.station import client, commands
 from swarmctl.station.client import FlightEndpoints
 
 UavsOption = Annotated[
@@ -71,14 +71,12 @@ def send_or_exit(
     """Send a command and print the answers; exit on a failure, or if a vehicle did not take the command."""
     with exit_on_failure(config):
         request = make_request()
-        flight, answer = asyncio.run(send_command(request, swarm, config, connect))
+        flight, answers = asyncio.run(send_command(request, swarm, config, connect))
     if swarm is None and config is None and connect is None:
         say(f"the only flight on this machine: {flight.swarm} at {flight.endpoint}", console=err)
-    if answer.refused:
-        fail([f"{flight.swarm} refused the command: {answer.refused}"], FAILED)
-    for vehicle in answer.vehicles:
+    for vehicle in answers:
         say(line_of(vehicle), console=out if vehicle.outcome == "taken" else err)
-    if client.has_failed(request, answer):
+    if commands.has_failed(request, answers):
         raise typer.Exit(FAILED)
 
 
@@ -97,14 +95,14 @@ def exit_on_failure(config: Path | None) -> Iterator[None]:
 
 async def send_command(
     request: Request, swarm: str | None, config: Path | None, connect: str | None
-) -> tuple[FlightEndpoints, OperatorAnswer]:
-    """Find the flight and send a command to it; return both the flight and its answer.
+) -> tuple[FlightEndpoints, commands.Answers]:
+    """Find the flight and send a command to it; return both the flight and the answers.
 
     Raises BusError, KeyringError, client.NoValidAnswer and ValueError.
     """
     flight, keyring = _find_flight_and_keys(swarm, config, connect)
     credentials = joining.credentials_for(flight.endpoint, keyring)
-    return flight, await recall.send(flight, request, credentials, signing_for(flight, keyring))
+    return flight, await commands.send(flight, request, credentials, signing_for(flight, keyring))
 
 
 def signing_for(flight: FlightEndpoints, keyring: Keyring | None) -> RequestSigning:
@@ -114,12 +112,12 @@ def signing_for(flight: FlightEndpoints, keyring: Keyring | None) -> RequestSign
     """
     if keyring is not None:
         return OperatorSigning(flight.swarm, keyring, time.time)
-    tokens: dict[int | None, Token] = {}
     if flight.agents:
-        tokens |= {uav: Token(text) for uav, text in directory.agent_tokens(flight.swarm).items()}
-    elif (text := client.local_token(flight)) is not None:
-        tokens[None] = Token(text)
-    return TokenSigning(flight.swarm, tokens, token_of_environment(), time.time)
+        tokens = {uav: Token(text) for uav, text in directory.agent_tokens(flight.swarm).items()}
+        return TokenSigning(flight.swarm, tokens, token_of_environment(), time.time)
+    text = client.local_token(flight)
+    token = token_of_environment() if text is None else Token(text)
+    return TokenSigning(flight.swarm, {}, token, time.time)
 
 
 def _find_flight_and_keys(

@@ -7,14 +7,13 @@ with an unknown field is refused, because an agent must not execute only a part 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Literal, TypeVar
 
 import msgspec
 
 from swarmctl.core.threat import FiringStrength
 
-VERSION = 2
+VERSION = 3
 MAX_SYSTEM_ID = 254
 """greatest system id of a vehicle; 255 is a ground station's by convention"""
 ENDING_ORDERS = ("hold", "return", "land")
@@ -162,7 +161,7 @@ class VehiclePosition(msgspec.Struct, frozen=True):
     is_returning: bool = False
 
 
-class VehicleAnswer(msgspec.Struct, frozen=True):
+class VehicleAnswer(msgspec.Struct, frozen=True, tag="vehicle_answer"):
     """The answer of one vehicle to a command."""
 
     uav: int
@@ -183,18 +182,21 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
     """None on the ground, and if the position is unknown"""
 
 
-def refused_names(problems: Mapping[str, str]) -> list[VehicleAnswer]:
-    """Return a refusal for each name that no vehicle has; `problems` has the names and the reasons."""
-    return [VehicleAnswer(0, word, "refused", note=why) for word, why in problems.items()]
+class SwarmVehicles(msgspec.Struct, frozen=True, tag="swarm_vehicles"):
+    """The vehicles of a swarm that one process flies."""
+
+    names: dict[int, str]
+    """by system id, in the order of the swarm"""
 
 
-class OperatorAnswer(msgspec.Struct, frozen=True, tag="operator_answer"):
-    """The answer to an operator's command."""
+class Refusal(msgspec.Struct, frozen=True, tag="refusal"):
+    """The answer to a request that had no effect."""
 
-    vehicles: tuple[VehicleAnswer, ...] = ()
-    """answers of the named vehicles, in the order of the swarm; then the refusals of unknown names"""
-    refused: str = ""
-    """reason why no vehicle got the command; empty if the vehicles got the command"""
+    why: str
+
+
+Answer = VehicleAnswer | SwarmVehicles | Refusal
+"""an answer to an operator's request"""
 
 
 class BadMessage(ValueError):
@@ -202,12 +204,13 @@ class BadMessage(ValueError):
 
 
 T = TypeVar("T")
+AnswerT = TypeVar("AnswerT", VehicleAnswer, SwarmVehicles)
 _encoder = msgspec.msgpack.Encoder()
 _commands: msgspec.msgpack.Decoder[Request] = msgspec.msgpack.Decoder(Request)
-_answers = msgspec.msgpack.Decoder(OperatorAnswer)
+_answers: msgspec.msgpack.Decoder[Answer] = msgspec.msgpack.Decoder(Answer)
 
 
-def encode(message: Request | OperatorAnswer) -> bytes:
+def encode(message: Request | Answer) -> bytes:
     return bytes((VERSION,)) + _encoder.encode(message)
 
 
@@ -216,9 +219,12 @@ def decode_command(data: bytes) -> Request:
     return _decode(data, _commands)
 
 
-def decode_answer(data: bytes) -> OperatorAnswer:
-    """Decode an answer to an operator. Raises BadMessage for invalid bytes, and no other exception."""
-    return _decode(data, _answers)
+def decode_answer(data: bytes, kind: type[AnswerT]) -> AnswerT | Refusal:
+    """Decode an answer of this kind, or a refusal. Raises BadMessage, and no other exception."""
+    answer = _decode(data, _answers)
+    if isinstance(answer, kind | Refusal):
+        return answer
+    raise BadMessage(f"found {type(answer).__name__}, expected {kind.__name__} [invalid-message]")
 
 
 def _decode(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:

@@ -8,12 +8,12 @@ from typing import Literal
 
 from nicegui import ui
 
-from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
+from swarmctl.core.messages import GiveOrder, Request, VehicleAnswer
 from swarmctl.core.operator_text import typed_names
 from swarmctl.dashboard.model import Timeline
 from swarmctl.report.answers import order_line
 
-Send = Callable[[Request], Awaitable[OperatorAnswer]]
+Send = Callable[[Request], Awaitable[Sequence[VehicleAnswer]]]
 """sends a request the way of `swarmctl order` and `set`; raises NotSent"""
 Order = Literal["launch", "hold", "resume", "return", "land"]
 ORDERS: tuple[Order, ...] = ("launch", "hold", "resume", "return", "land")
@@ -79,14 +79,12 @@ class AbortButton:
 async def send_and_tell(send: Send, request: Request, line_of: Callable[[VehicleAnswer], str]) -> None:
     """Send a request and show its answers, a line a vehicle; a refusal stays until it is closed."""
     try:
-        answer = await send(request)
+        answers = await send(request)
     except NotSent as error:
         tell([str(error)], is_good=False)
         return
-    if answer.refused:
-        tell([answer.refused], is_good=False)
     for is_good in (True, False):
-        tell([line_of(v) for v in answer.vehicles if (v.outcome == "taken") is is_good], is_good=is_good)
+        tell([line_of(v) for v in answers if (v.outcome == "taken") is is_good], is_good=is_good)
 
 
 def tell(lines: Sequence[str], *, is_good: bool) -> None:

@@ -117,7 +117,7 @@ def _summary(flight: Flight, ended: Ending, wall_s: float) -> dict[str, Any]:
     resumes = run.options.resumes
     content["preflight"] = summary_of(flight.preflight.checked)
     content["continues"] = None if resumes is None else resumes.folder.name
-    if run.options.operator_service_of is not None:
+    if not run.options.flies_all:
         content["ended_by_operator"] = ended_by_operator(ended, states)
     return content
 

@@ -75,8 +75,7 @@ async def fly(
     If both are None, the vehicle exchanges no messages. The flight continues while the network is missing.
     Raises BusError if the network cannot be opened, and KeyringError for an unusable SWARMCTL_TOKEN_FILE.
     """
-    (spec,) = scenario.specs
-    options = FlightOptions(launch, spec.sysid, waivers=waivers, resumes=resumes)
+    options = FlightOptions(launch, flies_all=False, waivers=waivers, resumes=resumes)
     if keyring is not None:
         name, tolerance_s = scenario.config.name, scenario.config.communication.clock_tolerance_s
         options = replace(

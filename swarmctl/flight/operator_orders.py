@@ -1,9 +1,8 @@
-"""The operator service of a flight, and the conditions under which the service accepts orders."""
+"""The operator service of a process, and the conditions under which the service accepts orders."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
@@ -12,7 +11,6 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import GiveOrder, Request
 from swarmctl.flight.member import Member, names, not_simulated
-from swarmctl.flight.shutdown import return_delays_s
 
 
 def operator_service_for(
@@ -21,12 +19,13 @@ def operator_service_for(
     say: Callable[[str], None],
     members: Sequence[Member],
     *,
-    uav: int | None,
+    flies_all: bool,
     has_keys: bool,
     authentication: Authentication,
 ) -> OperatorService:
-    """Return the operator service of vehicle `uav`, or of all vehicles if `uav` is None.
+    """Return the operator service of a process.
 
+    flies_all: the process flies all vehicles of the swarm
     has_keys: the operator's key signs the orders
     """
 
@@ -37,7 +36,7 @@ def operator_service_for(
                 "give FlightOptions.authentication [orders-need-keys]"
             )
         if isinstance(command, GiveOrder):
-            return order_refusal(scenario, members, command, flies_all=uav is None, has_keys=has_keys)
+            return order_refusal(scenario, members, command, flies_all=flies_all, has_keys=has_keys)
         return "" if command.range is None else range_refusal(scenario, members)
 
     return OperatorService(
@@ -45,9 +44,8 @@ def operator_service_for(
         scenario.config.name,
         say,
         {member.spec.sysid: member.runner for member in members},
-        uav=uav,
+        flies_all=flies_all,
         refusal=refusal,
-        delays=partial(return_delays_s, members, say),
         authentication=authentication,
     )
 

@@ -36,8 +36,8 @@ class FlightOptions(msgspec.Struct, frozen=True):
     """Options of a process that flies vehicles."""
 
     launch: Launch = "when-ready"
-    operator_service_of: int | None = None
-    """the vehicle that this process flies for a swarm of several processes; None: this process flies all"""
+    flies_all: bool = True
+    """False: other processes fly the other vehicles of the swarm"""
     authentication: Authentication = NO_AUTHENTICATION
     """check of operators' commands on an open bus; a bus that the flight opens has a token of its own"""
     report_authentication: Authentication = NO_AUTHENTICATION

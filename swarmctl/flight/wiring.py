@@ -43,7 +43,7 @@ class Flight:
             resources.transport,
             run.ui.say,
             self.members,
-            uav=run.options.operator_service_of,
+            flies_all=run.options.flies_all,
             has_keys=run.options.frame_codec is not None,
             authentication=resources.token_authentication or run.options.authentication,
         )
@@ -71,7 +71,7 @@ class Flight:
             permission=self._permit,
             clearance=self.preflight,
             launch=run.options.launch,
-            flies_all=run.options.operator_service_of is None,
+            flies_all=run.options.flies_all,
             takeover=self._takeover(),
         )
 

@@ -184,10 +184,10 @@ class TokenSigning(msgspec.Struct, frozen=True):
     """The signing of requests with the receivers' tokens, and the check of their signed answers."""
 
     swarm: str
-    tokens: Mapping[int | None, Token]
-    """by system id of an agent's vehicle; None: the process that flies all vehicles"""
+    tokens: Mapping[int, Token]
+    """tokens of agents in separate processes, by system id of the vehicle"""
     other: Token | None
-    """token for all other receivers, of SWARMCTL_TOKEN_FILE"""
+    """token of all other receivers: of the process that flies all vehicles, or of SWARMCTL_TOKEN_FILE"""
     clock: Callable[[], float]
 
     def sign(self, uav: int | None, key: str, request: bytes) -> bytes:
@@ -197,7 +197,7 @@ class TokenSigning(msgspec.Struct, frozen=True):
         return verify_answer(self.swarm, key, asked, data, self._token(uav).verify)
 
     def _token(self, uav: int | None) -> Token:
-        token = self.tokens.get(uav) or self.other
+        token = self.other if uav is None else self.tokens.get(uav, self.other)
         if token is None:
             raise NotAuthorised(
                 "this user has no token for the receiver, so nothing was sent; run the command as the "

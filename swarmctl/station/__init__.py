@@ -1,5 +1,5 @@
 """The operator's side: find a swarm, send commands, recall vehicles, watch states, run a router.
 
 Imports agent, bus, config, core and report.
-Begin with `client`.
+Begin with `commands`.
 """

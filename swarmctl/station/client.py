@@ -1,12 +1,12 @@
-"""Client of a flight: finds a swarm, sends commands and reports of observations, and decodes the answers."""
+"""Client of a flight: finds a swarm, sends signed requests, and decodes the answers."""
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Literal, TypeVar
 
 import msgspec
@@ -14,32 +14,17 @@ import msgspec
 from swarmctl.bus import directory, keys, sensor_reports
 from swarmctl.bus.authentication import NO_AUTHENTICATION, NotAuthorised, RequestSigning
 from swarmctl.bus.endpoint import NO_ENDPOINT, BusEndpoint, parse_endpoint
-from swarmctl.bus.operator_service import ANSWER_WITHIN_S, KINDS
+from swarmctl.bus.operator_service import ANSWER_WITHIN_S
 from swarmctl.bus.sensor_reports import Report, ReportAnswer
 from swarmctl.bus.transports import BUSES, zenoh_config
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.config.roster import Roster
-from swarmctl.core.messages import (
-    ENDING_ORDERS,
-    BadMessage,
-    GiveOrder,
-    OperatorAnswer,
-    Request,
-    VehicleAnswer,
-    decode_answer,
-    encode,
-)
-from swarmctl.core.operator_text import did_you_mean, extended, resolve_vehicles
-from swarmctl.core.records import replace
+from swarmctl.core.messages import BadMessage, Refusal, SwarmVehicles, decode_answer
+from swarmctl.core.operator_text import did_you_mean
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
-AGENT_SILENT = (
-    "the vehicle's agent does not answer: the flight has ended, or `swarmctl agent` does not run or has no "
-    "connection to the network [agent-silent]"
-)
-CHECK_TABLE = "The command may have had an effect; check the flight's table, or repeat the command"
 A = TypeVar("A")
 
 
@@ -58,14 +43,15 @@ class NoValidAnswer(Exception):
 
 
 class FlightEndpoints(msgspec.Struct, frozen=True):
-    """Endpoints of a swarm in flight, and the agents that answer at these endpoints."""
+    """Endpoints of a swarm in flight, and its vehicles."""
 
     swarm: str
     endpoint: BusEndpoint
     others: tuple[BusEndpoint, ...] = ()
     """further endpoints, tried in order"""
     agents: Mapping[int, str] = msgspec.field(default_factory=dict)
-    """vehicles (system id: name) with separate agents; empty: one process answers for all vehicles"""
+    """vehicles (system id: name) with agents in separate processes; empty: one process flies all vehicles,
+    and knows them"""
 
     @property
     def text(self) -> str:
@@ -218,7 +204,7 @@ class Receiver(msgspec.Struct, frozen=True):
     advice: str
     """effect of a request without an answer in time, and what to do"""
     uav: int | None = None
-    """vehicle whose agent has its own keys or its own token; None: the process that flies all vehicles"""
+    """vehicle whose agent has its own certificate or token; None: the process that flies all vehicles"""
 
 
 async def exchange(
@@ -271,19 +257,21 @@ async def exchange(
     return answer, f"{dropped}; another program answers, and was ignored" if n_dropped else ""
 
 
-async def ask(
-    bus: Transport, flight: FlightEndpoints, command: Request, signing: RequestSigning = NO_AUTHENTICATION
-) -> OperatorAnswer:
-    """Send a command over an open bus and return the answer. Raises BadOptions and NoValidAnswer."""
+async def vehicles_of(
+    bus: Transport, flight: FlightEndpoints, signing: RequestSigning = NO_AUTHENTICATION
+) -> Mapping[int, str]:
+    """Return the names of a flight's vehicles, by system id. Raises NoValidAnswer."""
     if flight.agents:
-        return await _ask_each(bus, flight, command, signing)
+        return flight.agents
     absent = (
         f"no swarm {flight.swarm} answers at {flight.endpoint}, or the swarm's queue of commands is full; "
         "nothing was changed [not-served]"
     )
-    receiver = Receiver(keys.request(flight.swarm, KINDS[type(command)]), flight.text, absent, CHECK_TABLE)
-    answer, dropped = await exchange(bus, receiver, encode(command), signing, decode_answer)
-    return replace(answer, vehicles=tuple(_noted(vehicle, dropped) for vehicle in answer.vehicles))
+    receiver = Receiver(keys.swarm_vehicles(flight.swarm), flight.text, absent, "Nothing was changed")
+    answer, _ = await exchange(bus, receiver, b"", signing, partial(decode_answer, kind=SwarmVehicles))
+    if isinstance(answer, Refusal):
+        raise NoValidAnswer(answer.why, "refused")
+    return answer.names
 
 
 async def report(
@@ -305,58 +293,3 @@ async def report(
     encoded, decode = sensor_reports.encode(observed), sensor_reports.decode_answer
     answer, _ = await exchange(bus, receiver, encoded, signing, decode)
     return answer
-
-
-async def _ask_each(
-    bus: Transport, flight: FlightEndpoints, command: Request, signing: RequestSigning
-) -> OperatorAnswer:
-    """Send a command to the agents of the vehicles in `command.uavs`, all at once. Raises BadOptions."""
-    try:
-        uavs = list(flight.agents if command.uavs is None else resolve_vehicles(command.uavs, flight.agents))
-        if isinstance(command, GiveOrder) and command.ignore:  # an agent knows no other vehicle's name
-            ignored = tuple(resolve_vehicles(command.ignore, flight.agents))
-            command = replace(command, ignore=ignored)
-    except ValueError as error:
-        raise BadOptions(f"nothing was changed: {error}") from None
-
-    async def ask_agent(uav: int) -> VehicleAnswer:
-        key, name = keys.request(flight.swarm, KINDS[type(command)], uav), flight.agents[uav]
-        receiver = Receiver(key, "the vehicle's agent", AGENT_SILENT, CHECK_TABLE, uav)
-        request = encode(replace(command, uavs=(uav,)))
-        try:
-            answer, dropped = await exchange(bus, receiver, request, signing, decode_answer)
-        except NoValidAnswer as error:
-            return VehicleAnswer(uav, name, error.outcome, note=str(error))
-        return _noted(_vehicle_answer(uav, name, answer), dropped)
-
-    return OperatorAnswer(tuple(await asyncio.gather(*map(ask_agent, uavs))))
-
-
-def _noted(vehicle: VehicleAnswer, note: str) -> VehicleAnswer:
-    """Return a vehicle's answer with one more note, if there is one."""
-    if not note:
-        return vehicle
-    return replace(vehicle, note=extended(vehicle.note, f"; {note}") if vehicle.note else note)
-
-
-def _vehicle_answer(uav: int, name: str, answer: OperatorAnswer) -> VehicleAnswer:
-    """Return the part of an agent's answer about its vehicle."""
-    if answer.refused:
-        return VehicleAnswer(uav, name, "refused", note=answer.refused)
-    if [vehicle.uav for vehicle in answer.vehicles] != [uav]:
-        note = "the vehicle's agent answered for another vehicle"
-        return VehicleAnswer(uav, name, "unconfirmed", note=note)
-    return answer.vehicles[0]
-
-
-def has_failed(command: Request, answer: OperatorAnswer) -> bool:
-    """Return whether no vehicle took the command, or a vehicle has another outcome than `taken`.
-
-    If the command is for all vehicles, the outcome `over` of some vehicles is no failure. An order that ends
-    flights is fulfilled even if all flights are over.
-    """
-    outcomes = {vehicle.outcome for vehicle in answer.vehicles}
-    accepted = {"taken", "over"} if command.uavs is None else {"taken"}
-    ends_flights = isinstance(command, GiveOrder) and command.order in ENDING_ORDERS
-    expected = accepted if ends_flights else {"taken"}
-    return bool(answer.refused) or not outcomes & expected or not outcomes <= accepted

@@ -553,7 +553,7 @@ def test_the_example_detector_sends_one_report_a_second(
     token = new_token()
 
     async def scene() -> None:
-        with open_bus("test", "tcp/127.0.0.1:0", token.text, print) as agent:
+        with open_bus("test", (3,), "tcp/127.0.0.1:0", token.text, print) as agent:
             vehicle = Vehicle(agent, time.time, by_token("test", token, 5.0, time.time))
             example = await asyncio.create_subprocess_exec(
                 sys.executable,

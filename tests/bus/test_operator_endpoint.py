@@ -23,7 +23,7 @@ from swarmctl.core.messages import (
     encode,
 )
 from swarmctl.preflight import host
-from swarmctl.station import client, recall
+from swarmctl.station import client, commands
 
 
 def test_a_wildcard_is_refused_and_counted() -> None:
@@ -32,10 +32,10 @@ def test_a_wildcard_is_refused_and_counted() -> None:
     async def scene() -> None:
         with ZenohBus() as bus:
             station = Station(bus)
-            for key in ("swarmctl/*/station/request/weights/operator", "swarmctl/test/**", "**"):
-                assert await bus.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
+            for key in ("swarmctl/test/uav/*/request/weights/operator", "swarmctl/test/**", "**"):
+                assert await bus.ask(key, encode(SetWeights((2,), w=0.2)), 5.0) == ()
             assert station.posted == []
-            assert station.counts.refused == 1 + 2 + 2  # once for each matched key
+            assert station.counts.refused == 2 + 5 + 5  # once for each matched key
 
     asyncio.run(scene())
 
@@ -56,11 +56,11 @@ def test_another_process_has_access_to_the_operator_key_only() -> None:
                 KEY,
             ):
                 operator.put(key, b"from outside")
-            for key in ("swarmctl/*/station/request/weights/operator", "swarmctl/test/**", "**"):
-                assert await operator.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
+            for key in ("swarmctl/test/uav/*/request/weights/operator", "swarmctl/test/**", "**"):
+                assert await operator.ask(key, encode(SetWeights((2,), w=0.2)), 5.0) == ()
             ground.put("swarmctl/test/uav/1/inform/state/2", b"within the swarm")
             # The answer shows that all earlier messages on this connection were handled.
-            assert len(await operator.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
+            assert len(await operator.ask(KEY, encode(SetWeights((2,), w=0.2)), 5.0)) == 1
             assert received == ["swarmctl/test/uav/1/inform/state/2"] * 2
             assert station.counts == CommandCounts(passed_on=1, refused=0)
             # The operator receives its own message and no message of the swarm.
@@ -79,7 +79,7 @@ def occupied_port(held: contextlib.ExitStack) -> int:
 
 def test_an_occupied_port_is_an_error_with_advice() -> None:
     async def scene(port: int) -> None:
-        with open_bus("test", f"tcp/127.0.0.1:{port}", "token", print):
+        with open_bus("test", (1,), f"tcp/127.0.0.1:{port}", "token", print):
             pass
 
     with contextlib.ExitStack() as held:
@@ -97,7 +97,7 @@ def test_an_endpoint_without_a_swarm_is_an_error(monkeypatch: pytest.MonkeyPatch
     async def scene() -> None:
         with contextlib.ExitStack() as held:
             station = client.FlightEndpoints("test", BusEndpoint("127.0.0.1", occupied_port(held)))
-        await recall.send(station, SetWeights(None, w=0.2))
+        await commands.send(station, SetWeights(None, w=0.2))
 
     with pytest.raises(BusError, match=r"tcp/127\.0\.0\.1:.*\[no-swarm-at-endpoint\]"):
         asyncio.run(scene())

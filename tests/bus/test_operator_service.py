@@ -17,15 +17,17 @@ from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import (
     BadMessage,
     GiveOrder,
-    OperatorAnswer,
+    Refusal,
     SetWeights,
+    SwarmVehicles,
     VehicleAnswer,
     decode_answer,
     encode,
 )
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.answers import order_line
-from swarmctl.station import client
+from swarmctl.station import client, commands
+from swarmctl.station.commands import Answers
 
 pytestmark = pytest.mark.virtual
 
@@ -64,12 +66,19 @@ class Operators:
 
 
 ORDER, WEIGHTS = "swarmctl/test/uav/2/request/order/operator", "swarmctl/test/uav/2/request/weights/operator"
-TAKEN = OperatorAnswer((VehicleAnswer(2, "uav2", "taken", 5),))
+TAKEN = VehicleAnswer(2, "uav2", "taken", 5)
 
 
-async def asked(bus: MemoryBus, key: str, command: GiveOrder | SetWeights) -> OperatorAnswer:
+async def asked(bus: MemoryBus, key: str, command: GiveOrder | SetWeights) -> VehicleAnswer | Refusal:
     (answer,) = await bus.ask(key, encode(command), 5.0)
-    return decode_answer(answer)
+    return decode_answer(answer, VehicleAnswer)
+
+
+async def refused(bus: MemoryBus, key: str, command: GiveOrder | SetWeights) -> str:
+    """Return the reason of a refusal."""
+    answer = await asked(bus, key, command)
+    assert isinstance(answer, Refusal)
+    return answer.why
 
 
 def test_orders_and_weights_have_keys_of_their_own() -> None:
@@ -80,14 +89,15 @@ def test_orders_and_weights_have_keys_of_their_own() -> None:
         bus = MemoryBus()
         station = Station(bus, uav=2)
         assert await asked(bus, ORDER, GiveOrder((2,), "hold")) == TAKEN
-        assert await asked(bus, WEIGHTS, SetWeights(("uav2",), w=0.2)) == TAKEN
+        assert await asked(bus, WEIGHTS, SetWeights((2,), w=0.2)) == TAKEN
         assert station.posted == [
             (2, ev.OperatorCommand(FlightOrder.HOLD, 1)),
             (2, ev.WeightsChanged(2, 0.2)),
         ]
-        for key, command in ((WEIGHTS, GiveOrder(None, "land")), (ORDER, SetWeights(None, w=0.2))):
-            assert key in (await asked(bus, key, command)).refused
-        assert "2 (uav2)" in (await asked(bus, ORDER, GiveOrder((3,), "land"))).refused
+        assert "expected weights" in await refused(bus, WEIGHTS, GiveOrder((2,), "land"))
+        assert "expected order" in await refused(bus, ORDER, SetWeights((2,), w=0.2))
+        for uavs in ((3,), (2, 3), ("uav2",), None):
+            assert "for vehicle 2" in await refused(bus, ORDER, GiveOrder(uavs, "land"))
         assert len(station.posted) == 2
 
     run_virtual(scene())
@@ -99,14 +109,16 @@ def test_orders_do_not_wait_for_weights() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus, uav=2, slow=(2,))
-        first = asyncio.create_task(asked(bus, WEIGHTS, SetWeights(None, w=0.2)))
+        first = asyncio.create_task(asked(bus, WEIGHTS, SetWeights((2,), w=0.2)))
         for _ in range(3 * operator_service.BURST):
             await asyncio.sleep(0.001)
-            assert (await asked(bus, WEIGHTS, SetWeights(None, w=0.3))).refused
+            assert await refused(bus, WEIGHTS, SetWeights((2,), w=0.3))
         station.slow = ()
-        assert await asked(bus, ORDER, GiveOrder(None, "land")) == TAKEN
+        assert await asked(bus, ORDER, GiveOrder((2,), "land")) == TAKEN
         assert [type(event) for _, event in station.posted] == [ev.WeightsChanged, ev.OperatorCommand]
-        assert (await first).vehicles[0].outcome == "unconfirmed"
+        answer = await first
+        assert isinstance(answer, VehicleAnswer)
+        assert answer.outcome == "unconfirmed"
 
     run_virtual(scene())
 
@@ -115,8 +127,8 @@ def test_a_service_closed_for_orders_gives_the_reason_and_takes_weights() -> Non
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus, uav=2, closed="closed [orders-need-keys]")
-        assert (await asked(bus, ORDER, GiveOrder(None, "launch"))).refused == "closed [orders-need-keys]"
-        assert await asked(bus, WEIGHTS, SetWeights(None, w=0.2)) == TAKEN
+        assert await refused(bus, ORDER, GiveOrder((2,), "launch")) == "closed [orders-need-keys]"
+        assert await asked(bus, WEIGHTS, SetWeights((2,), w=0.2)) == TAKEN
         assert len(station.posted) == 1
 
     run_virtual(scene())
@@ -126,14 +138,14 @@ def test_an_unsigned_order_is_refused() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus, uav=2, authentication=Guarded())
-        command = encode(GiveOrder(None, "land"))
+        command = encode(GiveOrder((2,), "land"))
         (data,) = await bus.ask(ORDER, command, 5.0)
-        answer = decode_answer(data.removeprefix(OF_UAV2 + ORDER.encode() + command))
-        assert answer.refused == f"no participant of this swarm signed the payload under {ORDER}"
+        answer = decode_answer(data.removeprefix(OF_UAV2 + ORDER.encode() + command), VehicleAnswer)
+        assert answer == Refusal(f"no participant of this swarm signed the payload under {ORDER}")
         assert station.posted == []
         (line,) = station.said
         assert "(1 " in line
-        assert line.endswith(answer.refused)
+        assert line.endswith(answer.why)
 
     run_virtual(scene())
 
@@ -149,8 +161,8 @@ def test_a_flood_of_unsigned_requests_does_not_delay_the_operators_orders() -> N
             served(ORDER, b"nonsense", lambda _: None)
             await asyncio.sleep(1.0 / GARBAGE_PER_S)
             if n % GARBAGE_PER_S == 0:
-                answer = await client.ask(bus, SWARM, GiveOrder((2,), "land"), Operators())
-                assert answer == TAKEN
+                answer = await commands.ask(bus, SWARM, GiveOrder((2,), "land"), Operators())
+                assert answer == (TAKEN,)
         assert len(station.posted) == 4
         assert station.counts == CommandCounts(passed_on=4, refused=garbage)
         assert len(station.said) <= operator_service.SHOWN_BURST + 1
@@ -186,7 +198,7 @@ class Crowd(MemoryBus):
 
 
 def forged(_key: str, _payload: bytes) -> bytes:
-    return encode(OperatorAnswer((VehicleAnswer(2, "uav2", "taken", note="forged"),)))
+    return encode(VehicleAnswer(2, "uav2", "taken", note="forged"))
 
 
 def of_another_question(key: str, _payload: bytes) -> bytes:
@@ -205,7 +217,7 @@ def test_only_an_answer_signed_by_the_asked_vehicle_counts(
         bus = Crowd(other)
         if is_there:
             Station(bus, uav=2, authentication=Guarded(), closed="not now")
-        (answer,) = (await client.ask(bus, SWARM, GiveOrder((2,), "hold"), Operators())).vehicles
+        (answer,) = await commands.ask(bus, SWARM, GiveOrder((2,), "hold"), Operators())
         return answer
 
     answer = run_virtual(scene(is_there=True))
@@ -216,38 +228,50 @@ def test_only_an_answer_signed_by_the_asked_vehicle_counts(
     assert "[wrong-token]" in answer.note
 
 
-def test_two_answers_for_one_swarm_are_both_discarded() -> None:
+def test_two_answers_for_one_vehicle_are_both_discarded() -> None:
     async def scene() -> None:
         bus = Crowd(forged)
-        bus.serve("swarmctl/test/station/request/weights/operator", lambda _k, _p, r: r(forged("", b"")))
+        Station(bus, uav=2)
+        (answer,) = await commands.ask(bus, SWARM, GiveOrder((2,), "hold"))
+        assert answer.outcome == "unconfirmed"
+        assert answer.note.startswith("2 processes")
+
+    run_virtual(scene())
+
+
+def test_two_processes_that_name_the_vehicles_of_a_swarm_are_both_ignored() -> None:
+    async def scene() -> None:
+        bus = Crowd(lambda _key, _payload: encode(SwarmVehicles({1: "uav2", 2: "uav1"})))
+        station = Station(bus)
         alone = client.FlightEndpoints("test", BusEndpoint("127.0.0.1", 7447))
         with pytest.raises(client.NoValidAnswer, match=r"^2 processes"):
-            await client.ask(bus, alone, SetWeights(None, w=0.2))
+            await commands.ask(bus, alone, SetWeights(None, w=0.2))
+        assert station.posted == []
 
     run_virtual(scene())
 
 
 def test_each_agent_sends_its_own_answer_without_delaying_others() -> None:
-    async def scene() -> tuple[OperatorAnswer, float]:
+    async def scene() -> tuple[Answers, float]:
         bus = MemoryBus()
         Station(bus, uav=2)
         bus.serve(keys.request("test", "order", 3), lambda _key, _payload, _reply: None)
         bus.serve(keys.request("test", "order", 4), lambda _key, _payload, reply: reply(b"\x01nonsense"))
-        answer = await client.ask(bus, SWARM, GiveOrder(None, "hold"))
+        answer = await commands.ask(bus, SWARM, GiveOrder(None, "hold"))
         return answer, asyncio.get_running_loop().time()
 
     answer, took_s = run_virtual(scene())
-    assert [(v.name, v.outcome) for v in answer.vehicles] == [
+    assert [(v.name, v.outcome) for v in answer] == [
         ("uav1", "silent"),
         ("uav2", "taken"),
         ("uav3", "unconfirmed"),
         ("uav4", "unconfirmed"),
     ]
     assert took_s == pytest.approx(client.TIMEOUT_S)
-    assert client.has_failed(GiveOrder(None, "hold"), answer)
-    lines = [order_line("hold", vehicle) for vehicle in answer.vehicles]
+    assert commands.has_failed(GiveOrder(None, "hold"), answer)
+    lines = [order_line("hold", vehicle) for vehicle in answer]
     assert [line.split()[:2] for line in lines] == [[f"uav{n}:", "hold"] for n in (1, 2, 3, 4)]
-    for line, vehicle in zip(lines, answer.vehicles, strict=True):
+    for line, vehicle in zip(lines, answer, strict=True):
         assert line.endswith(vehicle.note)
     assert lines[0].endswith("[agent-silent]")
     results = [tuple(line.split()[2:4]) for line in lines]
@@ -259,8 +283,8 @@ def test_an_order_for_an_unknown_vehicle_asks_no_agent() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus, uav=2)
-        with pytest.raises(client.BadOptions, match=r"\b9\b.*\[unknown-vehicle\]"):
-            await client.ask(bus, SWARM, GiveOrder((2, 9), "launch"))
+        with pytest.raises(client.NoValidAnswer, match=r"\b9\b.*\[unknown-vehicle\]"):
+            await commands.ask(bus, SWARM, GiveOrder((2, 9), "launch"))
         assert station.posted == []
 
     run_virtual(scene())
@@ -271,13 +295,13 @@ def test_the_vehicle_to_ignore_is_sent_by_system_id(word: str) -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus, uav=2)
-        await client.ask(bus, SWARM, GiveOrder((2,), "launch", ignore=(word,)))
+        await commands.ask(bus, SWARM, GiveOrder((2,), "launch", ignore=(word,)))
         assert station.posted == [(2, ev.OperatorCommand(FlightOrder.LAUNCH, 1, ignore=(4,)))]
-        with pytest.raises(client.BadOptions, match=r"\buav9\b.*\[unknown-vehicle\]"):
-            await client.ask(bus, SWARM, GiveOrder((2,), "launch", ignore=("uav9",)))
+        with pytest.raises(client.NoValidAnswer, match=r"\buav9\b.*\[unknown-vehicle\]"):
+            await commands.ask(bus, SWARM, GiveOrder((2,), "launch", ignore=("uav9",)))
         # An agent knows no names but its own.
-        refused = (await asked(bus, ORDER, GiveOrder(None, "launch", ignore=("uav4",)))).refused
-        assert refused.endswith("[unknown-vehicle]")
+        why = await refused(bus, ORDER, GiveOrder((2,), "launch", ignore=(4, "uav4")))
+        assert why.endswith("4, uav4, expected system ids")
         assert len(station.posted) == 1
 
     run_virtual(scene())
@@ -290,13 +314,13 @@ def test_only_a_launch_ignores_vehicles() -> None:
 
 
 def test_an_answer_for_another_vehicle_does_not_count() -> None:
-    async def scene() -> OperatorAnswer:
+    async def scene() -> Answers:
         bus = MemoryBus()
-        reply_of_another = encode(OperatorAnswer((VehicleAnswer(9, "uav9", "taken"),)))
+        reply_of_another = encode(VehicleAnswer(9, "uav9", "taken"))
         bus.serve(ORDER, lambda _key, _payload, reply: reply(reply_of_another))
-        return await client.ask(bus, SWARM, GiveOrder((2,), "launch"))
+        return await commands.ask(bus, SWARM, GiveOrder((2,), "launch"))
 
-    (vehicle,) = run_virtual(scene()).vehicles
+    (vehicle,) = run_virtual(scene())
     assert (vehicle.uav, vehicle.outcome) == (2, "unconfirmed")
 
 
@@ -305,8 +329,8 @@ def test_an_unknown_order_is_refused(order: object) -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus, uav=2)
-        strange: GiveOrder = GiveOrder(None, order)  # type: ignore[arg-type]
-        assert (await asked(bus, ORDER, strange)).refused.endswith("[invalid-message]")
+        strange: GiveOrder = GiveOrder((2,), order)  # type: ignore[arg-type]
+        assert (await refused(bus, ORDER, strange)).endswith("[invalid-message]")
         assert station.posted == []
 
     run_virtual(scene())

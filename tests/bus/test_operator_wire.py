@@ -11,7 +11,7 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from operator_station import ANYWHERE, KEY, Pair, Station, memory_pair, zenoh_pair
+from operator_station import ANYWHERE, KEY, ORDER, Pair, Station, memory_pair, zenoh_pair
 from profiles import examples
 
 from swarmctl.bus import keys, operator_service
@@ -25,9 +25,10 @@ from swarmctl.core.messages import (
     BadMessage,
     CommandOutcome,
     GiveOrder,
-    OperatorAnswer,
+    Refusal,
     Request,
     SetWeights,
+    SwarmVehicles,
     VehicleAnswer,
     decode_answer,
     decode_command,
@@ -36,18 +37,21 @@ from swarmctl.core.messages import (
 from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.core.threat import FiringStrength
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.station import client
+from swarmctl.station import client, commands
+from swarmctl.station.commands import Answers
+
+THERE = client.FlightEndpoints("test", ANYWHERE)
 
 
 def packed(**fields: object) -> bytes:
-    return b"\x02" + msgspec.msgpack.encode({"type": "set_weights", **fields})
+    return b"\x03" + msgspec.msgpack.encode({"type": "set_weights", **fields})
 
 
 WRONG: dict[str, bytes] = {
     "empty": b"",
-    "no MessagePack": b"\x02nonsense",
-    "another version": b"\x03" + packed(uavs=[1], w=0.5)[1:],
-    "a message of UAVs": b"\x02" + msgspec.msgpack.encode({"type": "state", "sender": 1}),
+    "no MessagePack": b"\x03nonsense",
+    "another version": b"\x02" + packed(uavs=[1], w=0.5)[1:],
+    "a message of UAVs": b"\x03" + msgspec.msgpack.encode({"type": "state", "sender": 1}),
     "w above 1": packed(uavs=[1], w=1.5),
     "w below 0": packed(uavs=[1], w=-0.1),
     "w not a number": packed(uavs=[1], w=math.nan),
@@ -66,7 +70,10 @@ WRONG: dict[str, bytes] = {
     "a name too long": packed(uavs=["x" * 33], w=0.5),
 }
 FOREIGN: dict[str, bytes] = {
-    "a vehicle of another swarm": packed(uavs=[1, 9], w=0.5),
+    "another vehicle": packed(uavs=[1], w=0.5),
+    "another vehicle too": packed(uavs=[2, 1], w=0.5),
+    "all vehicles": packed(uavs=None, w=0.5),
+    "another kind": encode(GiveOrder((2,), "land")),
     "a command above the length limit": packed(uavs=[1], w=0.5) + bytes(MAX_QUERY_BYTES),
 }
 """Commands that only the operator service can refuse."""
@@ -96,14 +103,22 @@ def test_a_command_survives_the_wire(
 @settings(max_examples=examples(150), deadline=None, derandomize=True)
 def test_any_bytes_are_a_command_or_refused(data: bytes) -> None:
     with suppress(BadMessage):
-        decode_command(b"\x02" + data)
+        decode_command(b"\x03" + data)
     with suppress(BadMessage):
-        decode_answer(b"\x02" + data)
+        decode_answer(b"\x03" + data, VehicleAnswer)
 
 
 def test_unknown_fields_of_an_answer_are_ignored() -> None:
-    later = {"type": "operator_answer", "refused": "no", "vehicles": [], "more": 1}
-    assert decode_answer(b"\x02" + msgspec.msgpack.encode(later)) == OperatorAnswer(refused="no")
+    later = {"type": "vehicle_answer", "uav": 2, "name": "uav2", "outcome": "taken", "more": 1}
+    found = decode_answer(b"\x03" + msgspec.msgpack.encode(later), VehicleAnswer)
+    assert found == VehicleAnswer(2, "uav2", "taken")
+
+
+def test_an_answer_of_another_kind_is_refused() -> None:
+    names = encode(SwarmVehicles({2: "uav2"}))
+    assert decode_answer(names, SwarmVehicles) == SwarmVehicles({2: "uav2"})
+    with pytest.raises(BadMessage, match="SwarmVehicles, expected VehicleAnswer"):
+        decode_answer(names, VehicleAnswer)
 
 
 @pytest.fixture(params=[memory_pair, zenoh_pair])
@@ -112,17 +127,16 @@ def both(request: pytest.FixtureRequest) -> Pair:
     return made
 
 
-def test_a_command_reaches_the_named_vehicles_and_their_answers_return(both: Pair) -> None:
+def test_a_command_reaches_the_vehicle_of_its_key_and_the_answer_returns(both: Pair) -> None:
     async def scene() -> None:
         with both() as (ground, operator):
             station = Station(ground)
             command = SetWeights((2,), firing_strength=(0.7, 0.3, 0.1))
             (answer,) = await operator.ask(KEY, encode(command), 5.0)
-            assert decode_answer(answer) == OperatorAnswer((VehicleAnswer(2, "uav2", "taken", 5),))
+            assert decode_answer(answer, VehicleAnswer) == VehicleAnswer(2, "uav2", "taken", 5)
             assert station.posted == [(2, ev.WeightsChanged(1, None, FiringStrength(0.7, 0.3, 0.1)))]
-            (answer,) = await operator.ask(KEY, encode(SetWeights(None, w=0.2)), 5.0)
-            assert [v.uav for v in decode_answer(answer).vehicles] == [1, 2]
-            assert [event.command for _, event in station.posted] == [1, 2, 2]
+            (answer,) = await operator.ask(ORDER, encode(GiveOrder((2,), "hold")), 5.0)
+            assert [event.command for _, event in station.posted] == [1, 2]
 
     asyncio.run(scene())
 
@@ -132,20 +146,20 @@ def test_an_invalid_command_is_counted_shown_and_answered_but_reaches_no_vehicle
         with both() as (ground, operator):
             station = Station(ground)
             for number, payload in enumerate((WRONG["w above 1"], *FOREIGN.values()), start=1):
-                (answer,) = await operator.ask(KEY, payload, 5.0)
-                refused = decode_answer(answer).refused
-                assert refused
-                assert refused in station.said[-1]
+                (data,) = await operator.ask(KEY, payload, 5.0)
+                answer = decode_answer(data, VehicleAnswer)
+                assert isinstance(answer, Refusal)
+                assert answer.why in station.said[-1] or number > operator_service.SHOWN_BURST
                 assert station.counts == CommandCounts(passed_on=0, refused=number)
+            assert len(station.said) == operator_service.SHOWN_BURST
             assert station.posted == []
 
     asyncio.run(scene())
 
 
 def test_the_largest_valid_command_is_read() -> None:
-    names = tuple("\N{BLACK STAR}" * 8 + f"{n:08}" for n in range(254))
-    assert all(len(name.encode()) == 32 for name in names)
-    assert len(encode(SetWeights(names, 0.5, (0.7, 0.3, 0.1)))) <= MAX_QUERY_BYTES
+    launch = GiveOrder((254,), "launch", ignore=tuple(range(1, 255)), by="\N{BLACK STAR}" * 64)
+    assert len(encode(launch)) <= MAX_QUERY_BYTES
 
 
 def test_an_oversized_query_never_reaches_the_service() -> None:
@@ -159,19 +173,20 @@ def test_an_oversized_query_never_reaches_the_service() -> None:
             assert station.counts == CommandCounts()
             assert ground.endpoint is not None
             with ZenohBus(zenoh_config.visitor(ground.endpoint)) as another:
-                assert len(await another.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
+                assert len(await another.ask(KEY, encode(SetWeights((2,), w=0.2)), 5.0)) == 1
 
     asyncio.run(scene())
 
 
-def test_commands_above_the_rate_limit_are_refused_and_reported_once_until_a_pause() -> None:
+def test_commands_above_the_rate_limit_are_refused_and_few_are_reported() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus)
 
         async def send(n: int) -> list[str]:
-            answers = [await bus.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0) for _ in range(n)]
-            return [decode_answer(answer).refused for (answer,) in answers]
+            found = [await bus.ask(KEY, encode(SetWeights((2,), w=0.2)), 5.0) for _ in range(n)]
+            answers = [decode_answer(answer, VehicleAnswer) for (answer,) in found]
+            return [answer.why if isinstance(answer, Refusal) else "" for answer in answers]
 
         for flood in (1, 2):
             refused = await send(30)
@@ -179,12 +194,11 @@ def test_commands_above_the_rate_limit_are_refused_and_reported_once_until_a_pau
             assert all("[commands-too-fast]" in why for why in refused[8:])
             assert station.counts == CommandCounts(passed_on=8 * flood, refused=22 * flood)
             assert len(station.posted) == 8 * flood
-            assert len(station.said) == flood
             await asyncio.sleep(2.0)
+        assert len(station.said) == operator_service.SHOWN_BURST
         await send(8)
         await asyncio.sleep(0.5)
         assert await send(2) == ["", ""]
-        assert len(station.said) == 2
         await asyncio.sleep(2.0)
         for _ in range(8):
             await bus.ask(KEY, b"nonsense", 5.0)
@@ -193,7 +207,22 @@ def test_commands_above_the_rate_limit_are_refused_and_reported_once_until_a_pau
     run_virtual(scene())
 
 
-def test_wildcards_above_the_rate_limit_are_not_reported() -> None:
+def test_a_flood_of_weights_keeps_no_order_out() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus)
+        for _ in range(30):
+            answers = await commands.ask(bus, THERE, SetWeights(None, w=0.2))
+        assert [v.outcome for v in answers] == ["refused", "refused"]
+        station.posted.clear()
+        answers = await commands.ask(bus, THERE, GiveOrder(None, "hold"))
+        assert [v.outcome for v in answers] == ["taken", "taken"]
+        assert [uav for uav, _ in station.posted] == [1, 2]
+
+    run_virtual(scene())
+
+
+def test_wildcards_are_counted_and_few_are_reported() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus)
@@ -201,7 +230,7 @@ def test_wildcards_above_the_rate_limit_are_not_reported() -> None:
         for _ in range(99):
             served("**", b"", lambda _: pytest.fail("a wildcard was answered"))
         assert station.counts.refused == 99
-        assert len(station.said) == operator_service.BURST + 1
+        assert len(station.said) == operator_service.SHOWN_BURST
 
     run_virtual(scene())
 
@@ -241,48 +270,47 @@ def test_a_command_for_another_swarm_gets_no_answer(both: Pair) -> None:
     async def scene() -> None:
         with both() as (ground, operator):
             station = Station(ground)
-            key = keys.request("other", "weights")
-            assert await operator.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
+            key = keys.request("other", "weights", 2)
+            assert await operator.ask(key, encode(SetWeights((2,), w=0.2)), 5.0) == ()
             assert station.posted == []
 
     asyncio.run(scene())
 
 
-def test_a_busy_vehicle_is_unconfirmed_after_the_time_out() -> None:
-    async def scene() -> tuple[OperatorAnswer, float]:
+def test_a_busy_vehicle_is_unconfirmed_after_the_time_out_and_delays_no_other() -> None:
+    async def scene() -> tuple[Answers, float]:
         bus = MemoryBus()
-        Station(bus, slow=(2,))
+        station = Station(bus, slow=(1,))
         began_s = asyncio.get_running_loop().time()
-        answer = await client.ask(bus, client.FlightEndpoints("test", ANYWHERE), SetWeights(None, w=0.2))
-        return answer, asyncio.get_running_loop().time() - began_s
+        asked = asyncio.create_task(commands.ask(bus, THERE, SetWeights(None, w=0.2)))
+        await asyncio.sleep(0.1)
+        assert [uav for uav, _ in station.posted] == [1, 2]
+        return await asked, asyncio.get_running_loop().time() - began_s
 
-    answer, took_s = run_virtual(scene())
-    assert [v.outcome for v in answer.vehicles] == ["taken", "unconfirmed"]
-    assert "[not-handled-yet]" in answer.vehicles[1].note
+    answers, took_s = run_virtual(scene())
+    assert [v.outcome for v in answers] == ["unconfirmed", "taken"]
+    assert "[not-handled-yet]" in answers[0].note
     assert took_s == pytest.approx(3.0)
-    assert client.has_failed(SetWeights(None, w=0.2), answer)
+    assert commands.has_failed(SetWeights(None, w=0.2), answers)
 
 
 def test_a_busy_vehicle_gets_no_new_weights() -> None:
     async def scene() -> None:
-        bus, there = MemoryBus(), client.FlightEndpoints("test", ANYWHERE)
+        bus = MemoryBus()
         station = Station(bus, slow=(2,))
-        await client.ask(bus, there, SetWeights((2,), w=0.2))
+        await commands.ask(bus, THERE, SetWeights((2,), w=0.2))
         assert len(station.posted) == 1
 
-        both_named = await client.ask(bus, there, SetWeights(None, w=0.3))
-        assert [(v.uav, v.outcome) for v in both_named.vehicles] == [(1, "taken"), (2, "refused")]
-        assert "[vehicle-busy]" in both_named.vehicles[1].note
-        assert client.has_failed(SetWeights(None, w=0.3), both_named)
-
-        alone = await client.ask(bus, there, SetWeights((2,), w=0.3))
-        assert "[vehicle-busy]" in alone.refused
+        both_named = await commands.ask(bus, THERE, SetWeights(None, w=0.3))
+        assert [(v.uav, v.outcome) for v in both_named] == [(1, "taken"), (2, "refused")]
+        assert "[vehicle-busy]" in both_named[1].note
+        assert commands.has_failed(SetWeights(None, w=0.3), both_named)
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2)]
         assert station.counts == CommandCounts(passed_on=2, refused=1)
 
         # The late answer does not reach the operator, but the vehicle is free again.
         station.late[0]()
-        await client.ask(bus, there, SetWeights((2,), w=0.3))
+        await commands.ask(bus, THERE, SetWeights((2,), w=0.3))
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3)]
 
     run_virtual(scene())
@@ -312,14 +340,33 @@ def test_a_name_that_is_also_another_vehicles_system_id_is_refused() -> None:
         resolve_vehicles(["3"], {3: "alpha", 5: "3"})
 
 
-def test_a_station_without_an_answer_leaves_the_outcome_unknown() -> None:
+@pytest.mark.parametrize(
+    ("reply", "outcome", "reason"),
+    [
+        (None, "unconfirmed", r"Nothing was changed \[no-answer\]"),
+        (Refusal("too fast [commands-too-fast]"), "refused", "too fast"),
+        (VehicleAnswer(1, "uav1", "taken"), "unconfirmed", "expected SwarmVehicles"),
+    ],
+)
+def test_without_the_names_of_the_vehicles_no_vehicle_is_asked(
+    reply: Refusal | VehicleAnswer | None, outcome: str, reason: str
+) -> None:
     async def scene() -> None:
         bus = MemoryBus()
-        bus.serve(KEY, lambda key, payload, reply: None)
-        await client.ask(bus, client.FlightEndpoints("test", ANYWHERE), SetWeights((1,), w=0.2))
+        station = Station(bus)
+        answers = (lambda _k, _p, r: None) if reply is None else (lambda _k, _p, r: r(encode(reply)))
+        bus.serve(keys.swarm_vehicles("test"), answers)
+        with pytest.raises(client.NoValidAnswer, match=reason) as raised:
+            await commands.ask(bus, THERE, GiveOrder(None, "hold"))
+        assert raised.value.outcome == outcome
+        assert station.posted == []
 
-    with pytest.raises(client.NoValidAnswer, match="no-answer"):
-        run_virtual(scene())
+    run_virtual(scene())
+
+
+def test_without_a_flight_nothing_is_changed() -> None:
+    with pytest.raises(client.NoValidAnswer, match=r"nothing was changed \[not-served\]"):
+        run_virtual(commands.ask(MemoryBus(), THERE, GiveOrder(None, "hold")))
 
 
 @pytest.mark.parametrize(
@@ -337,5 +384,5 @@ def test_a_station_without_an_answer_leaves_the_outcome_unknown() -> None:
 def test_a_command_fails_unless_its_purpose_is_reached(
     command: Request, outcomes: tuple[CommandOutcome, ...], expected: bool
 ) -> None:
-    answer = OperatorAnswer(tuple(VehicleAnswer(1, "uav1", outcome) for outcome in outcomes))
-    assert client.has_failed(command, answer) is expected
+    answers = tuple(VehicleAnswer(1, "uav1", outcome) for outcome in outcomes)
+    assert commands.has_failed(command, answers) is expected

@@ -97,7 +97,7 @@ def flying() -> AbstractContextManager[list[tuple[ReportedCells, str]]]:
     """Return a swarm of one process, which the command line finds on this machine."""
     token = new_token()
     return beside(
-        lambda stack: stack.enter_context(open_bus("test", "tcp/127.0.0.1:0", token.text, print)),
+        lambda stack: stack.enter_context(open_bus("test", (3,), "tcp/127.0.0.1:0", token.text, print)),
         by_token("test", token, 5.0, time.time),
     )
 

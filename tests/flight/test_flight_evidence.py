@@ -24,7 +24,7 @@ from swarmctl.report.evidence.chain import CheckedChain, check
 from swarmctl.report.evidence.digest import digest
 from swarmctl.report.evidence.log import FILE_NAME
 from swarmctl.security.issue import make_keys
-from swarmctl.station import client
+from swarmctl.station import commands
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def test_operators_actions_are_in_the_evidence(tmp_path: Path) -> None:
 
     async def operate() -> None:
         await asyncio.sleep(30.0)
-        await client.ask(bus, STATION, SetWeights((1,), w=1.0))
+        await commands.ask(bus, STATION, SetWeights((1,), w=1.0))
         for data in (report, by_camera):
             await bus.ask(keys.sensor_report("small", 2), data, 5.0)
 

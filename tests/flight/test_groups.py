@@ -135,7 +135,7 @@ def test_after_the_leader_lands_the_next_member_leads_within_2_s_and_nobody_stan
     scenario, ordered_s = group(approach), 45.0
     land, ui = GiveOrder(("uav1",), "land"), Ui()
     report, (answer,) = fly_with_commands(scenario, tmp_path, (ordered_s, land), ui=ui)
-    assert {vehicle.outcome for vehicle in answer.vehicles} == {"taken"}
+    assert {vehicle.outcome for vehicle in answer} == {"taken"}
     rows = seen(tmp_path, scenario)
     for uav in (2, 3):
         later = [row for row in rows[uav] if row.boot_s > ordered_s]
@@ -166,7 +166,7 @@ def test_new_weights_in_flight_reach_all_members_the_evidence_and_the_record(tmp
     scenario, weights = group("behavioural"), {"formation": 1.5, "threat": 0.0}
     command = SetWeights(("uav1",), behaviours=weights)
     report, (answer,) = fly_with_commands(scenario, tmp_path, (45.0, command))
-    assert {vehicle.outcome for vehicle in answer.vehicles} == {"taken"}
+    assert {vehicle.outcome for vehicle in answer} == {"taken"}
     assert {state.membership.weights for state in report.states.values()} == {(1.0, 1.5, 0.0, 1.0)}
     with (tmp_path / FILE_NAME).open("rb") as file:
         asks = [entry.what for entry in check(file).entries if entry.kind == "operator"]

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from agent_stories import Story, answers, orders
 from companion_world import STATION, Swarm
-from flights import FaultyUi, Ui, coded, fly, fly_with_commands
+from flights import FaultyUi, coded, fly, fly_with_commands
 from interruptions import interrupting, interrupts
 from recall_stories import ReturnMonitor, gathering, landing_together
 from trouble import Trouble, fly_with, inject, select_mode
@@ -26,11 +26,12 @@ from swarmctl.agent.traffic.wait import Wait, WaitFor
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
-from swarmctl.core.messages import GiveOrder, OperatorAnswer, VehicleAnswer
+from swarmctl.core.messages import GiveOrder, VehicleAnswer
 from swarmctl.core.records import replace
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import FlightReport
-from swarmctl.station import recall
+from swarmctl.station import commands
+from swarmctl.station.commands import Answers
 
 pytestmark = pytest.mark.virtual
 
@@ -110,23 +111,22 @@ def test_a_repeated_order_changes_nothing(order: FlightOrder) -> None:
 # --- whole swarms
 
 
-def outcomes(answer: OperatorAnswer) -> list[str]:
-    return [vehicle.outcome for vehicle in answer.vehicles]
+def outcomes(answer: Answers) -> list[str]:
+    return [vehicle.outcome for vehicle in answer]
 
 
 def test_a_swarm_in_one_process_returns_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monitor = ReturnMonitor()
     inject(Trouble(on_step=monitor), monkeypatch)
-    back, ui = GiveOrder(None, "return"), Ui()
-    report, answers = fly_with_commands(gathering(), tmp_path, (50.0, back), (65.0, back), ui=ui)
+    back = GiveOrder(None, "return")
+    report, answers = fly_with_commands(gathering(), tmp_path, (50.0, back), (65.0, back))
     assert [outcomes(answer) for answer in answers] == [["taken"] * 3] * 2
-    assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1].vehicles)
+    assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1])
     assert len(set(monitor.since_s.values())) > 1
     assert monitor.least_m > MIN_HORIZONTAL_M
     assert [(state.phase, state.order.given) for state in report.states.values()] == [
         (Phase.DONE, RETURN)
     ] * 3
-    assert coded(ui.said, "returning", "return-schedule")
 
 
 @pytest.mark.full
@@ -146,7 +146,7 @@ def test_vehicles_recalled_before_the_launch_stay_on_the_ground(
 ) -> None:
     back, launch = GiveOrder(None, "return"), GiveOrder(None, "launch")
     report, answers = fly_with_commands(gathering(), tmp_path, (3.0, back), (60.0, launch))
-    assert "[stays-on-ground]" in answers[0].vehicles[0].note
+    assert "[stays-on-ground]" in answers[0][0].note
     assert outcomes(answers[1]) == ["taken"] * 3
     assert report.all_arrived
 
@@ -187,10 +187,10 @@ async def press_all(_swarm: Swarm, presses: Presses) -> None:
 async def order_all(swarm: Swarm, _presses: Presses) -> None:
     answers = []
     for _ in range(2):
-        answers.append(await recall.ask(swarm.bus, STATION, GiveOrder(None, "return")))
+        answers.append(await commands.ask(swarm.bus, STATION, GiveOrder(None, "return")))
         await asyncio.sleep(5.0)
     assert [outcomes(answer) for answer in answers] == [["taken"] * 3] * 2
-    assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1].vehicles)
+    assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1])
 
 
 @pytest.mark.parametrize(

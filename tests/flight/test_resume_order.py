@@ -30,6 +30,6 @@ def winged_by(*autopilots: str) -> Scenario:
 def test_a_vehicle_arrives_after_a_hold_and_an_order_to_resume(scenario: Scenario, tmp_path: Path) -> None:
     hold, resume = GiveOrder(None, "hold"), GiveOrder(None, "resume")
     report, answers = fly_with_commands(scenario, tmp_path, (45.0, hold), (65.0, resume))
-    assert [vehicle.outcome for answer in answers for vehicle in answer.vehicles] == ["taken"] * 4
+    assert [vehicle.outcome for answer in answers for vehicle in answer] == ["taken"] * 4
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 2
     assert all(state.plans.swaps.n_failed == 0 for state in report.states.values())

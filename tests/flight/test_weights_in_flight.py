@@ -19,7 +19,7 @@ from swarmctl.agent.phases import Phase
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.exposure import exposure
-from swarmctl.core.messages import OperatorAnswer, SetWeights, VehicleAnswer
+from swarmctl.core.messages import SetWeights, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, method
 from swarmctl.report import record
@@ -28,7 +28,8 @@ from swarmctl.report.live_rows import SwarmView, live_table, plain_line, vehicle
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.summary import MAX_WEIGHTS, FlightStatistics
 from swarmctl.report.ui import SafeUi, UiObserver
-from swarmctl.station import client
+from swarmctl.station import commands
+from swarmctl.station.commands import Answers
 
 STRONGER = FiringStrength(0.9, 0.8, 0.7)
 HOSTILE = (4, 3, True)
@@ -282,7 +283,7 @@ class Flown:
     scenario: Scenario
     folder: Path
     report: FlightReport
-    answer: OperatorAnswer
+    answer: Answers
     ui: Ui
 
 
@@ -298,9 +299,9 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
 @pytest.mark.virtual
 def test_routes_change_from_the_answered_plan_on(flown: Flown) -> None:
     psi = flown.scenario.psi_per_cell
-    from_plan = {v.uav: v.from_plan for v in flown.answer.vehicles}
+    from_plan = {v.uav: v.from_plan for v in flown.answer}
     assert sorted(from_plan) == [1, 2]
-    assert {v.outcome for v in flown.answer.vehicles} == {"taken"}
+    assert {v.outcome for v in flown.answer} == {"taken"}
     changed = 0
     for uav in (1, 2, 3):
         for recorded in effects(flown.folder, "SwapMission", f"uav{uav}"):
@@ -356,7 +357,7 @@ def test_a_replay_with_a_command_makes_the_same_decisions(flown: Flown) -> None:
 @pytest.mark.virtual
 def test_the_summary_has_the_history_of_the_weights(flown: Flown) -> None:
     summary = json.loads((flown.folder / "summary.json").read_text())
-    assert summary["operator_commands"] == {"passed_on": 1, "refused": 0}
+    assert summary["operator_commands"] == {"passed_on": 2, "refused": 0}
     first, _, third = (v["weights"] for v in summary["vehicles"])
     strengths = {"direct": 0.6, "first_neighbour": 0.3, "second_neighbour": 0.1}
     began_with = {"flight_time_s": None, "from_plan": 1, "w": 0.0, "firing_strength": strengths}
@@ -364,14 +365,14 @@ def test_the_summary_has_the_history_of_the_weights(flown: Flown) -> None:
     assert first[0] == began_with
     assert first[1]["w"] == 1.0
     assert [v["weight_changes"] for v in summary["vehicles"]] == [1, 1, 0]
-    assert first[1]["from_plan"] == flown.answer.vehicles[0].from_plan
+    assert first[1]["from_plan"] == flown.answer[0].from_plan
     assert 0.0 < first[1]["flight_time_s"] < 30.0
     assert flown.report.summary["psi_per_cell"] == flown.scenario.psi_per_cell
 
 
 @pytest.mark.virtual
 def test_the_change_is_shown(flown: Flown) -> None:
-    plan = flown.answer.vehicles[0].from_plan
+    plan = flown.answer[0].from_plan
     assert weights_line(1.0, None, VehicleAnswer(1, "uav1", "taken", plan), 0) in flown.ui.said
     assert [r.weights for r in flown.ui.views[-1].rows] == ["1", "1", ""]
 
@@ -382,6 +383,6 @@ def test_one_command_changes_all_vehicles_and_names_those_that_have_arrived(tmp_
     command = SetWeights(None, w=0.9)
     scenario = small(simulate={"count": 2, "ready_s": 3.0, "delay_step_s": 60.0})
     _, (answer,) = fly_with_commands(scenario, tmp_path, (110.0, command))
-    assert [v.outcome for v in answer.vehicles] == ["over", "taken"]
-    assert not client.has_failed(command, answer)
-    assert client.has_failed(SetWeights((1, 2), w=0.9), answer)
+    assert [v.outcome for v in answer] == ["over", "taken"]
+    assert not commands.has_failed(command, answer)
+    assert commands.has_failed(SetWeights((1, 2), w=0.9), answer)

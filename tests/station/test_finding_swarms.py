@@ -30,7 +30,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.messages import GiveOrder, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.station import client
+from swarmctl.station import client, commands
 
 
 @pytest.fixture
@@ -204,7 +204,7 @@ def test_a_flight_that_cannot_be_registered_shows_its_endpoint(no_flight: Path) 
     lines: list[str] = []
 
     async def scene() -> None:
-        with open_bus("test", "tcp/127.0.0.1:0", "token", lines.append) as bus:
+        with open_bus("test", (1,), "tcp/127.0.0.1:0", "token", lines.append) as bus:
             assert bus.endpoint is not None
             assert f"--connect {bus.endpoint}" in lines[0]
 
@@ -219,7 +219,7 @@ def test_an_endpoint_open_to_other_machines_is_a_warning(listen: str, warned: bo
     lines: list[str] = []
 
     async def scene() -> None:
-        with open_bus("test", listen, "token", lines.append) as bus:
+        with open_bus("test", (1,), listen, "token", lines.append) as bus:
             found = [entry.endpoint for entry in directory.running_swarms()]
             assert found == ([bus.endpoint.client_endpoint] if bus.endpoint is not None else [])
 
@@ -303,7 +303,7 @@ def test_agents_that_have_landed_are_silent(no_flight: Path) -> None:
     station = client.FlightEndpoints("s", HERE, agents={1: "a", 2: "b"})
 
     async def scene() -> list[VehicleAnswer]:
-        return list((await client.ask(MemoryBus(), station, GiveOrder(None, "return"))).vehicles)
+        return list(await commands.ask(MemoryBus(), station, GiveOrder(None, "return")))
 
     answers = run_virtual(scene())
     assert [answer.outcome for answer in answers] == ["silent", "silent"]

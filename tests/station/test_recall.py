@@ -12,7 +12,6 @@ import pytest
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.core.messages import (
     GiveOrder,
-    OperatorAnswer,
     VehicleAnswer,
     VehiclePosition,
     decode_command,
@@ -20,9 +19,9 @@ from swarmctl.core.messages import (
 )
 from swarmctl.core.records import replace
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.station import recall
+from swarmctl.station import commands
 from swarmctl.station.client import TIMEOUT_S, FlightEndpoints
-from swarmctl.station.recall import FALLBACK_RETURN_S, MAX_ATTEMPTS
+from swarmctl.station.commands import FALLBACK_RETURN_S, MAX_ATTEMPTS
 
 STATION = FlightEndpoints("s", BusEndpoint("127.0.0.1", 7447), agents={1: "a", 2: "b"})
 
@@ -55,7 +54,7 @@ class Agents:
             await asyncio.sleep(timeout_s)
             raise TimeoutError
         answer = VehicleAnswer(uav, STATION.agents[uav], "taken", place=self.places[uav])
-        return [encode(OperatorAnswer((answer,)))]
+        return [encode(answer)]
 
     def last(self, uav: int) -> float:
         return [after_s for other, after_s in self.taken if other == uav][-1]
@@ -63,8 +62,8 @@ class Agents:
 
 def recalled(agents: Agents) -> dict[int, VehicleAnswer]:
     bus: Any = agents
-    answer = run_virtual(recall.ask(bus, STATION, GiveOrder(None, "return")))
-    return {vehicle.uav: vehicle for vehicle in answer.vehicles}
+    answer = run_virtual(commands.ask(bus, STATION, GiveOrder(None, "return")))
+    return {vehicle.uav: vehicle for vehicle in answer}
 
 
 def test_a_vehicle_with_a_lost_answer_is_asked_again_and_gets_its_turn() -> None:
@@ -129,6 +128,14 @@ def test_an_impossible_position_gives_no_duration_of_a_return() -> None:
     agents = Agents({1: replace(place(), speed_m_s=0.0), 2: None}, lambda uav, _: uav == 1)
     recalled(agents)
     assert agents.last(1) >= 2.0 * FALLBACK_RETURN_S
+
+
+def test_a_vehicle_that_only_height_separates_from_another_says_so() -> None:
+    """Vehicle 2 already returns, over vehicle 1, which holds."""
+    agents = Agents({1: place(), 2: replace(place(0.02), is_returning=True)})
+    answers = recalled(agents)
+    assert answers[1].note == ""
+    assert answers[2].note == "only height separates its way from a"
 
 
 def test_a_silent_agent_does_not_delay_the_others() -> None:

@@ -13,14 +13,14 @@ from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import (
-    OperatorAnswer,
     Request,
 )
 from swarmctl.flight import companion
 from swarmctl.flight.director import Launch
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.unfinished_run import UnfinishedRun
-from swarmctl.station import client
+from swarmctl.station import client, commands
+from swarmctl.station.commands import Answers
 
 NAMES = {1: "uav1", 2: "uav2", 3: "uav3"}
 
@@ -72,5 +72,5 @@ class Swarm:
             while not self.uis[uav].views or self.phase(uav) not in phases:  # noqa: ASYNC110
                 await asyncio.sleep(0.25)
 
-    async def give(self, command: Request) -> OperatorAnswer:
-        return await client.ask(self.bus, STATION, command)
+    async def give(self, command: Request) -> Answers:
+        return await commands.ask(self.bus, STATION, command)

@@ -13,7 +13,7 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
-from swarmctl.core.messages import OperatorAnswer, Request
+from swarmctl.core.messages import Request
 from swarmctl.flight import app
 from swarmctl.flight.run import DEFAULT_OPTIONS, FlightOptions
 from swarmctl.flight.simulator import AddressOf, undisturbed
@@ -22,7 +22,8 @@ from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import outputs
 from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import FlightReport
-from swarmctl.station import client, recall
+from swarmctl.station import client, commands
+from swarmctl.station.commands import Answers
 
 
 @dataclass
@@ -130,15 +131,15 @@ def fly(
 
 
 def fly_with_commands(
-    scenario: Scenario, folder: Path, *commands: tuple[float, Request], ui: Ui | None = None
-) -> tuple[FlightReport, list[OperatorAnswer]]:
+    scenario: Scenario, folder: Path, *given: tuple[float, Request], ui: Ui | None = None
+) -> tuple[FlightReport, list[Answers]]:
     """Fly as `fly` does; an operator gives commands at these times [s], in order. Return the answers too."""
     bus = MemoryBus()
-    answers: list[OperatorAnswer] = []
+    answers: list[Answers] = []
 
     async def operate() -> None:
-        for at_s, command in commands:
+        for at_s, command in given:
             await asyncio.sleep(at_s - asyncio.get_running_loop().time())
-            answers.append(await recall.ask(bus, STATION, command))
+            answers.append(await commands.ask(bus, STATION, command))
 
     return fly(scenario, folder, ui=ui, bus=bus, beside=operate), answers

@@ -15,7 +15,7 @@ from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core.messages import GiveOrder, VehicleAnswer
 
-KEY = "swarmctl/test/station/request/weights/operator"
+KEY, ORDER = (f"swarmctl/test/uav/2/request/{kind}/operator" for kind in ("weights", "order"))
 ANYWHERE = BusEndpoint("127.0.0.1", 0)
 
 
@@ -35,7 +35,7 @@ class StubAgent:
 class Station:
     """An operator service whose agents accept every command at once, unless they are slow.
 
-    `uav`: the only vehicle, with keys of its own; None: two vehicles with the station's keys.
+    `uav`: the only vehicle of this process, in a swarm of several; None: a swarm of two vehicles.
     `closed`: the reason for which the service refuses orders.
     """
 
@@ -58,7 +58,7 @@ class Station:
             "test",
             self.said.append,
             {n: self._agent(n) for n in ((1, 2) if uav is None else (uav,))},
-            uav=uav,
+            flies_all=uav is None,
             refusal=lambda command: closed if isinstance(command, GiveOrder) else "",
             authentication=authentication,
         )
@@ -89,7 +89,7 @@ def memory_pair() -> Iterator[tuple[Transport, Transport]]:
 @contextmanager
 def zenoh_pair() -> Iterator[tuple[Transport, Transport]]:
     """Yield the buses of the ground station and of the operator, as in two processes."""
-    with ZenohBus(zenoh_config.standalone(ANYWHERE, (KEY,))) as ground:
+    with ZenohBus(zenoh_config.standalone(ANYWHERE, (KEY, ORDER))) as ground:
         assert ground.endpoint is not None
         with ZenohBus(zenoh_config.visitor(ground.endpoint)) as operator:
             yield ground, operator

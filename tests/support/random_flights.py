@@ -19,7 +19,7 @@ from sim_vehicle.vehicle.behaviour import Behaviour
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import GiveOrder
-from swarmctl.station import client
+from swarmctl.station import client, commands
 
 KINDS = ("ardupilot", "px4")
 WINGED = (*KINDS, "arduplane", "px4plane")
@@ -188,7 +188,7 @@ def _operator(drawn: RandomFlight, rng: random.Random, uav: int) -> None:
 def _order(drawn: RandomFlight, at_s: float, order: Any, uavs: tuple[int, ...] | None) -> None:
     async def give() -> None:
         with contextlib.suppress(client.NoValidAnswer):  # the flight is over
-            await client.ask(drawn.bus, STATION, GiveOrder(uavs, order))
+            await commands.ask(drawn.bus, STATION, GiveOrder(uavs, order))
 
     def action(_fleet: Fleet) -> None:
         drawn.asked.append(asyncio.get_running_loop().create_task(give()))

@@ -23,7 +23,7 @@ def station_in_a_thread() -> Iterator[Station]:
 
     async def scene() -> None:
         token = new_token()
-        with open_bus("test", "tcp/127.0.0.1:0", token.text, print) as bus:
+        with open_bus("test", (1, 2), "tcp/127.0.0.1:0", token.text, print) as bus:
             made.append(Station(bus, authentication=by_token("test", token, 5.0, time.time)))
             ready.set()
             await asyncio.to_thread(over.wait)

@@ -17,7 +17,7 @@ Failure = Callable[[str, Exception], None]
 MAX_MESSAGE_BYTES = 65_536
 """limit on the payload of a put; a longer payload is neither sent nor delivered"""
 MAX_QUERY_BYTES = 16_384
-"""limit on the payload of a query; a command with 254 vehicle names takes less than 10 000 bytes"""
+"""limit on the payload of a query, such as a report of observations"""
 
 
 class BusError(Exception):

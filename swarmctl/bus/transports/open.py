@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 
 from swarmctl.bus import directory, keys
 from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
@@ -15,9 +15,14 @@ from swarmctl.bus.transports.zenoh_config import standalone
 
 @contextlib.contextmanager
 def open_bus(
-    swarm: str, listen: str, token: str, say: Callable[[str], None], on_failure: Failure = report_to_loop
+    swarm: str,
+    uavs: Collection[int],
+    listen: str,
+    token: str,
+    say: Callable[[str], None],
+    on_failure: Failure = report_to_loop,
 ) -> Iterator[ZenohBus]:
-    """Open a session at `listen` for operators' commands and payloads' reports of `swarm` only.
+    """Open a session at `listen` for operators' commands and payloads' reports to the vehicles `uavs` only.
 
     Registers the flight in the directory of running swarms, with the token that requests need. If `listen` is
     `none`, the bus serves this process only. Raises BusError.
@@ -30,9 +35,9 @@ def open_bus(
         endpoint = parse_endpoint(listen)
         if endpoint.is_certified:
             raise BusError(f"communication.listen: {endpoint}: `swarmctl fly` listens only at tcp/HOST:PORT")
-        requests = tuple(keys.request(swarm, kind) for kind in keys.REQUEST_KINDS)
-        reports = keys.sensor_report(swarm, "*")
-        configuration = standalone(endpoint, (*requests, reports), (reports,))
+        requests = [keys.request(swarm, kind, uav) for uav in uavs for kind in keys.REQUEST_KINDS]
+        reports = [keys.sensor_report(swarm, uav) for uav in uavs]
+        configuration = standalone(endpoint, [keys.swarm_vehicles(swarm), *requests, *reports], reports)
         bus = stack.enter_context(ZenohBus(configuration, on_failure=on_failure))
         assert bus.endpoint is not None
         address = bus.endpoint.client_endpoint

@@ -31,8 +31,9 @@ from swarmctl.bus.transports.subscriptions import Subscriptions, report_to_loop
 from swarmctl.bus.transports.zenoh_config import Configuration
 from swarmctl.core.records import replace
 
-MAX_PENDING_QUERIES = 32
-"""largest number of queued queries; a flood of queries does not displace messages between UAVs"""
+MAX_PENDING_QUERIES = 512
+"""largest number of queued queries, for commands to 254 vehicles at once; a flood of queries does not
+displace messages between UAVs"""
 QUERY_QUEUE, MESSAGE_QUEUE, OWN_QUEUE = range(3)
 """queues for queries, messages of other processes, and messages of this process to itself"""
 QUEUE_SIZES = (MAX_PENDING_QUERIES, 4096, 65_536)
