@@ -153,7 +153,8 @@ async def open_resources(run: Run, bus: Transport | None, records: Records) -> A
                 secret = token_of_environment() or new_token()
                 token = secret.text
                 authentication = by_token(name, secret, communication.clock_tolerance_s, time.time)
-            opened = kind.open(name, run.names, communication.listen, token, say, on_failure=ReportOnce(say))
+            uavs, failed = tuple(run.names), ReportOnce(say)
+            opened = kind.open(name, uavs, communication.listen, token, say, on_failure=failed)
             bus = stack.enter_context(opened)
         network = network_of(run.scenario, bus, run.times, run.options.frame_codec, records.note)
         stack.callback(network.close)

@@ -99,6 +99,8 @@ def test_orders_and_weights_have_keys_of_their_own() -> None:
         for uavs in ((3,), (2, 3), ("uav2",), None):
             assert "for vehicle 2" in await refused(bus, ORDER, GiveOrder(uavs, "land"))
         assert len(station.posted) == 2
+        # Only the process that flies all vehicles knows the swarm.
+        assert await bus.ask(keys.swarm_vehicles("test"), b"", 5.0) == ()
 
     run_virtual(scene())
 

@@ -17,7 +17,7 @@ OWN = Credentials(Path("/keys/ca.pem"), Path("/keys/cert.pem"), Path("/keys/key.
 TCP, TLS, QUIC = (BusEndpoint("10.0.0.7", 7447, protocol) for protocol in ("tcp", "tls", "quic"))
 CONFIGURATIONS: dict[str, Configuration] = {
     "alone": zenoh_config.standalone(),
-    "door": zenoh_config.standalone(TCP, ["a"], ["b"]),
+    "endpoint": zenoh_config.whole_swarm(TCP, "test", [1, 2]),
     "visitor": zenoh_config.visitor(TCP),
     "client": zenoh_config.client(TLS, OWN),
     "router": zenoh_config.router(QUIC, "test", [1, 2, 3], OWN),

@@ -137,7 +137,7 @@ def test_a_frozen_operator_does_not_block_the_loop() -> None:
             asked.set()
 
         there = here("tcp")
-        with ZenohBus(zenoh_config.standalone(there, (WEIGHTS,))) as bus:
+        with ZenohBus(zenoh_config.whole_swarm(there, SWARM, (2,))) as bus:
             bus.serve(WEIGHTS, serve)
             asker = [sys.executable, "-c", FROZEN_OPERATOR, str(there), WEIGHTS]
             process = await asyncio.create_subprocess_exec(*asker)

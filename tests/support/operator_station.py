@@ -89,7 +89,7 @@ def memory_pair() -> Iterator[tuple[Transport, Transport]]:
 @contextmanager
 def zenoh_pair() -> Iterator[tuple[Transport, Transport]]:
     """Yield the buses of the ground station and of the operator, as in two processes."""
-    with ZenohBus(zenoh_config.standalone(ANYWHERE, (KEY, ORDER))) as ground:
+    with ZenohBus(zenoh_config.whole_swarm(ANYWHERE, "test", (1, 2))) as ground:
         assert ground.endpoint is not None
         with ZenohBus(zenoh_config.visitor(ground.endpoint)) as operator:
             yield ground, operator

@@ -37,18 +37,9 @@ class Rule(msgspec.Struct, frozen=True):
     keys: tuple[str, ...]
 
 
-def operator_endpoint_rules(ask_keys: Sequence[str], put_keys: Sequence[str]) -> dict[str, Any]:
-    """Return the rules of a process with the whole swarm; the process sends nothing but answers.
-
-    Other processes may query `ask_keys` and put `put_keys`.
-    """
-    rules = [
-        Rule((IN,), ("query",), tuple(ask_keys)),
-        Rule((OUT,), ("reply", "declare_queryable"), tuple(ask_keys)),
-        Rule((IN,), ("put",), tuple(put_keys)),
-        Rule((OUT,), ("declare_subscriber",), tuple(put_keys)),
-    ]
-    return _access_control([(None, rules)])
+def endpoint_rules(swarm: str, uavs: Sequence[int]) -> dict[str, Any]:
+    """Return the rules of a process with the whole swarm; the process sends nothing but answers."""
+    return _access_control([(None, _request_rules(swarm, uavs, keys.swarm_vehicles(swarm)))])
 
 
 def router_rules(
@@ -111,16 +102,24 @@ def _vehicle_rules(swarm: str, uav: int, uavs: Sequence[int]) -> list[Rule]:
 
 
 def _operator_rules(swarm: str, uavs: Sequence[int]) -> list[Rule]:
-    reports = tuple(keys.sensor_report(swarm, uav) for uav in uavs)
-    requests = tuple(keys.request(swarm, kind, uav) for uav in uavs for kind in keys.REQUEST_KINDS)
     station = (f"{keys.ROOT}/{swarm}/station/**",)
     return [
-        Rule((IN,), ("query",), requests + reports),
-        Rule((OUT,), ("reply", "declare_queryable"), requests + reports),
-        Rule((IN,), ("put",), reports),
-        Rule((OUT,), ("declare_subscriber",), reports),
+        *_request_rules(swarm, uavs),
         Rule((IN,), ("declare_subscriber",), station),
         Rule((OUT,), ("put",), station),
+    ]
+
+
+def _request_rules(swarm: str, uavs: Sequence[int], *questions: str) -> list[Rule]:
+    """Return the rules of commands and reports to vehicles, and of questions under other keys."""
+    reports = tuple(keys.sensor_report(swarm, uav) for uav in uavs)
+    requests = tuple(keys.request(swarm, kind, uav) for uav in uavs for kind in keys.REQUEST_KINDS)
+    asked = (*questions, *requests, *reports)
+    return [
+        Rule((IN,), ("query",), asked),
+        Rule((OUT,), ("reply", "declare_queryable"), asked),
+        Rule((IN,), ("put",), reports),
+        Rule((OUT,), ("declare_subscriber",), reports),
     ]
 
 

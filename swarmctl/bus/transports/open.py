@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
-from swarmctl.bus import directory, keys
+from swarmctl.bus import directory
 from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
 from swarmctl.bus.transports.base import BusError, Failure
 from swarmctl.bus.transports.subscriptions import report_to_loop
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.bus.transports.zenoh_config import standalone
+from swarmctl.bus.transports.zenoh_config import whole_swarm
 
 
 @contextlib.contextmanager
 def open_bus(
     swarm: str,
-    uavs: Collection[int],
+    uavs: Sequence[int],
     listen: str,
     token: str,
     say: Callable[[str], None],
@@ -35,10 +35,7 @@ def open_bus(
         endpoint = parse_endpoint(listen)
         if endpoint.is_certified:
             raise BusError(f"communication.listen: {endpoint}: `swarmctl fly` listens only at tcp/HOST:PORT")
-        requests = [keys.request(swarm, kind, uav) for uav in uavs for kind in keys.REQUEST_KINDS]
-        reports = [keys.sensor_report(swarm, uav) for uav in uavs]
-        configuration = standalone(endpoint, [keys.swarm_vehicles(swarm), *requests, *reports], reports)
-        bus = stack.enter_context(ZenohBus(configuration, on_failure=on_failure))
+        bus = stack.enter_context(ZenohBus(whole_swarm(endpoint, swarm, uavs), on_failure=on_failure))
         assert bus.endpoint is not None
         address = bus.endpoint.client_endpoint
         try:

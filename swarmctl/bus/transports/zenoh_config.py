@@ -2,7 +2,8 @@
 
 | role | mode | listens | connects |
 |---|---|---|---|
-| `standalone`: a process with the whole swarm | peer | for operators, if it has an endpoint | – |
+| `standalone`: a process with the whole swarm | peer | – | – |
+| `whole_swarm`: the same, with an endpoint | peer | for operators and payloads | – |
 | `visitor`: a command's short session | client | – | at once, or it fails |
 | `client`: a vehicle's companion or a ground station | client | – | to the router, now or later |
 | `router` | router | for clients | – |
@@ -105,16 +106,15 @@ class Configuration(msgspec.Struct, frozen=True):
         )
 
 
-def standalone(
-    listen: BusEndpoint | None = None, ask_keys: Sequence[str] = (), put_keys: Sequence[str] = ()
-) -> Configuration:
-    """Return the configuration of a process that connects to no other process.
+def standalone() -> Configuration:
+    """Return the configuration of a process that exchanges messages with no other process."""
+    return Configuration(_common("peer"))
 
-    At `listen` other processes may query `ask_keys` and put `put_keys`.
-    """
+
+def whole_swarm(listen: BusEndpoint, swarm: str, uavs: Sequence[int]) -> Configuration:
+    """Return the configuration of a process with the whole swarm, which takes commands and reports."""
     values = _common("peer", listen=listen)
-    if listen is not None:
-        values["access_control"] = access.operator_endpoint_rules(ask_keys, put_keys)
+    values["access_control"] = access.endpoint_rules(swarm, uavs)
     return Configuration(values, listen=listen)
 
 
