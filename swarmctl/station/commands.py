@@ -66,7 +66,7 @@ async def ask(
     words, unknown = command.uavs, dict[str, str]()
     if words is not None and isinstance(command, GiveOrder) and command.order in ENDING_ORDERS:
         unknown = name_problems(words, names)
-        words = tuple(word for word in words if str(word) not in unknown) or words
+        words = tuple(word for word in words if str(word) not in unknown)
     try:
         uavs = list(names) if words is None else resolve_vehicles(words, names)
         if isinstance(command, GiveOrder) and command.ignore:  # an agent knows no other vehicle's name

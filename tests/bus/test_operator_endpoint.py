@@ -9,19 +9,16 @@ from pathlib import Path
 
 import pytest
 from flights import small
-from operator_station import KEY, Station, zenoh_pair
+from operator_station import ANYWHERE, KEY, Station, StubAgent, zenoh_pair
 
 from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
-from swarmctl.bus.operator_service import CommandCounts
+from swarmctl.bus.operator_service import CommandCounts, OperatorService
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.core.messages import (
-    SetWeights,
-    encode,
-)
+from swarmctl.core.messages import MAX_SYSTEM_ID, GiveOrder, SetWeights, VehicleAnswer, encode
 from swarmctl.preflight import host
 from swarmctl.station import client, commands
 
@@ -66,6 +63,24 @@ def test_another_process_has_access_to_the_operator_key_only() -> None:
             # The operator receives its own message and no message of the swarm.
             assert "swarmctl/test/uav/1/inform/state/9" in received_by_operator
             assert "swarmctl/test/uav/1/inform/state/2" not in received_by_operator
+
+    asyncio.run(scene())
+
+
+def test_a_command_reaches_all_vehicles_of_the_largest_swarm_at_once() -> None:
+    def agent(uav: int) -> StubAgent:
+        taken = VehicleAnswer(uav, f"uav{uav}", "taken")
+        return StubAgent(taken.name, lambda _event, answer_to: answer_to(taken))
+
+    async def scene() -> None:
+        uavs = range(1, MAX_SYSTEM_ID + 1)
+        with ZenohBus(zenoh_config.whole_swarm(ANYWHERE, "test", uavs)) as ground:
+            service = OperatorService(ground, "test", print, {u: agent(u) for u in uavs}, flies_all=True)
+            assert ground.endpoint is not None
+            flight = client.FlightEndpoints("test", ground.endpoint)
+            answers = await commands.send(flight, GiveOrder(None, "hold"))
+            assert [(v.uav, v.outcome) for v in answers] == [(uav, "taken") for uav in uavs]
+            assert service.counts == CommandCounts(passed_on=MAX_SYSTEM_ID)
 
     asyncio.run(scene())
 

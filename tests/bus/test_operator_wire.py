@@ -308,10 +308,16 @@ def test_a_busy_vehicle_gets_no_new_weights() -> None:
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2)]
         assert station.counts == CommandCounts(passed_on=2, refused=1)
 
+        # The answer to an order does not free the vehicle.
+        station.slow = ()
+        await commands.ask(bus, THERE, GiveOrder((2,), "hold"))
+        (again,) = await commands.ask(bus, THERE, SetWeights((2,), w=0.3))
+        assert "[vehicle-busy]" in again.note
+
         # The late answer does not reach the operator, but the vehicle is free again.
         station.late[0]()
         await commands.ask(bus, THERE, SetWeights((2,), w=0.3))
-        assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3)]
+        assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3), (2, 4)]
 
     run_virtual(scene())
 

@@ -41,8 +41,8 @@ class Agents:
     answers: Callable[[int, int], bool] = lambda _uav, _times: True
     """True for each delivered answer, by vehicle and number of the question"""
     in_touch: Callable[[int], bool] = lambda _uav: True
-    taken: list[tuple[int, float]] = field(default_factory=list)
-    """(uav, after_s) of each order, in their order"""
+    taken: list[tuple[int, Any]] = field(default_factory=list)
+    """(uav, after_s) of each order, in their order; after_s None: no recall"""
 
     async def ask(self, key: str, payload: bytes, timeout_s: float) -> list[bytes]:
         order: Any = decode_command(payload)
@@ -60,10 +60,16 @@ class Agents:
         return [after_s for other, after_s in self.taken if other == uav][-1]
 
 
-def recalled(agents: Agents) -> dict[int, VehicleAnswer]:
+def recalled(agents: Agents, uavs: tuple[int, ...] | None = None) -> dict[int, VehicleAnswer]:
     bus: Any = agents
-    answer = run_virtual(commands.ask(bus, STATION, GiveOrder(None, "return")))
-    return {vehicle.uav: vehicle for vehicle in answer}
+    answers = run_virtual(commands.ask(bus, STATION, GiveOrder(uavs, "return")))
+    return {vehicle.uav: vehicle for vehicle in answers}
+
+
+def test_a_single_vehicle_waits_by_itself() -> None:
+    agents = Agents({1: place(), 2: place()})
+    assert list(recalled(agents, (2,))) == [2]
+    assert agents.taken == [(2, None)]
 
 
 def test_a_vehicle_with_a_lost_answer_is_asked_again_and_gets_its_turn() -> None:
