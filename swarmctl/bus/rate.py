@@ -24,7 +24,3 @@ class TokenBucket:
             return False
         self._tokens = tokens - n
         return True
-
-    def is_full(self, now_s: float) -> bool:
-        """Return whether a whole burst is available."""
-        return self._tokens + (now_s - self._at_s) * self.per_s >= self._burst

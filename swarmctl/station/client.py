@@ -204,7 +204,7 @@ class Receiver(msgspec.Struct, frozen=True):
     advice: str
     """effect of a request without an answer in time, and what to do"""
     uav: int | None = None
-    """vehicle whose agent has its own certificate or token; None: the process that flies all vehicles"""
+    """vehicle whose agent answers; None: the process that flies all vehicles"""
 
 
 async def exchange(
@@ -289,7 +289,7 @@ async def report(
     )
     key = keys.sensor_report(flight.swarm, uav)
     advice = "The vehicle may have accepted the report; a repeated report counts as a second observation"
-    receiver = Receiver(key, flight.text, absent, advice, uav if flight.agents else None)
+    receiver = Receiver(key, flight.text, absent, advice, uav)
     encoded, decode = sensor_reports.encode(observed), sensor_reports.decode_answer
     answer, _ = await exchange(bus, receiver, encoded, signing, decode)
     return answer
