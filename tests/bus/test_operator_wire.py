@@ -73,6 +73,7 @@ FOREIGN: dict[str, bytes] = {
     "another vehicle": packed(uavs=[1], w=0.5),
     "another vehicle too": packed(uavs=[2, 1], w=0.5),
     "all vehicles": packed(uavs=None, w=0.5),
+    "the vehicle's name": packed(uavs=["uav2"], w=0.5),
     "another kind": encode(GiveOrder((2,), "land")),
     "a command above the length limit": packed(uavs=[1], w=0.5) + bytes(MAX_QUERY_BYTES),
 }
