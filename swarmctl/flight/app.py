@@ -23,7 +23,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.flight.permission import Permission, PreflightFailed
 from swarmctl.flight.resources import Records, open_records, open_resources
 from swarmctl.flight.run import DEFAULT_OPTIONS, Clock, FlightOptions, run_of
-from swarmctl.flight.simulator import AddressOf, SimulatorFailed, undisturbed
+from swarmctl.flight.simulator import SimulatorFailed
 from swarmctl.flight.task_tree import run_tasks
 from swarmctl.flight.wiring import Flight
 from swarmctl.links.base import LinkError
@@ -43,7 +43,6 @@ async def fly(
     *,
     clock: Clock,
     permission: Permission,
-    address_of: AddressOf = undisturbed,
     bus: Transport | None = None,
     options: FlightOptions = DEFAULT_OPTIONS,
 ) -> FlightReport:
@@ -52,7 +51,7 @@ async def fly(
     `bus` is an open transport; None opens the configured transport, or a bus in memory on a virtual clock.
     """
     began_s = time.monotonic()
-    run = run_of(scenario, folder, ui, clock, permission, address_of, options)
+    run = run_of(scenario, folder, ui, clock, permission, options)
     flight: Flight | None = None
     ended: Ending = "failed"
     error: Exception | None = None

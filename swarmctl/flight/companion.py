@@ -23,7 +23,6 @@ from swarmctl.flight import app
 from swarmctl.flight.director import Launch
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.run import Clock, FlightOptions
-from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.outcome import FlightReport
@@ -66,7 +65,6 @@ async def fly(
     network: Configuration | None = None,
     bus: Transport | None = None,
     keyring: Keyring | None = None,
-    address_of: AddressOf = undisturbed,
     waivers: tuple[Waiver, ...] = (),
     resumes: UnfinishedRun | None = None,
 ) -> FlightReport:
@@ -85,7 +83,7 @@ async def fly(
             signer=EvidenceSigner(keyring.name, keyring.signing_key),
         )
     ui = SafeUi(ui)
-    flown = partial(app.fly, scenario, folder, ui, clock=clock, permission=permission, address_of=address_of)
+    flown = partial(app.fly, scenario, folder, ui, clock=clock, permission=permission)
     failed = ReportOnce(ui.say)
     if network is None:
         return await flown(bus=bus or MemoryBus(failed), options=options)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import time
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,8 +19,8 @@ from swarmctl.core.frames import FrameCodec
 from swarmctl.core.records import replace
 from swarmctl.flight.director import Launch
 from swarmctl.flight.permission import Permission
-from swarmctl.flight.simulator import AddressOf
 from swarmctl.links import LINKS
+from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.evidence.log import Signer
@@ -52,6 +52,8 @@ class FlightOptions(msgspec.Struct, frozen=True):
     """preflight checks that an operator lets fail"""
     resumes: UnfinishedRun | None = None
     """run whose program died in flight, which this run continues; None: a new flight"""
+    simulate: Callable[[MemoryWire, Scenario], Awaitable[None]] | None = None
+    """the simulator of a run on the virtual clock, until cancelled; None: that of `virtual_simulator`"""
 
 
 DEFAULT_OPTIONS = FlightOptions()
@@ -67,8 +69,6 @@ class Run(msgspec.Struct, frozen=True):
     epoch_ns: int
     """wall time at time 0 of the loop's clock [ns since 1970]"""
     permission: Permission
-    address_of: AddressOf
-    """the sender addresses of the vehicles in a run on the virtual clock"""
     options: FlightOptions
 
     @property
@@ -114,7 +114,6 @@ def run_of(
     ui: Ui,
     clock: Clock,
     permission: Permission,
-    address_of: AddressOf,
     options: FlightOptions,
 ) -> Run:
     """Return the run of a scenario on the running loop."""
@@ -122,7 +121,7 @@ def run_of(
     if clock == "real":
         scenario = _with_free_port(scenario)
         epoch_ns = time.time_ns() - round(asyncio.get_running_loop().time() * 1e9)
-    return Run(scenario, folder, SafeUi(ui), clock, epoch_ns, permission, address_of, options)
+    return Run(scenario, folder, SafeUi(ui), clock, epoch_ns, permission, options)
 
 
 def _with_free_port(scenario: Scenario) -> Scenario:

@@ -20,7 +20,6 @@ from typing import Any
 from swarmctl.config.autopilots import AUTOPILOTS
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec, simulated_autopilot
-from swarmctl.links.transports.base import Address
 from swarmctl.links.url import Endpoint
 from swarmctl.preflight.declared import simulated_parameters
 
@@ -35,13 +34,6 @@ ANSWER = b"at "
 """beginning of the simulator's answer to a step"""
 CHECK_S = 0.001
 """time between two checks whether the ground station has processed all telemetry [s]"""
-AddressOf = Callable[[int, float], Address | None]
-"""(sysid, loop time [s]) -> the sender address of a vehicle; None while the vehicle's link is cut"""
-
-
-def undisturbed(sysid: int, _now: float) -> Address | None:
-    """Return the address of a vehicle whose link is never cut."""
-    return ("simulated", sysid)
 
 
 class SimulatorFailed(Exception):

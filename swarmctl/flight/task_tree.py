@@ -109,9 +109,10 @@ async def _run_simulator(flight: Flight) -> None:
     run, resources = flight.run, flight.resources
     if run.clock == "virtual":
         # The simulator is another package, and only the virtual clock needs it here.
-        from swarmctl.flight.virtual_simulator import run_fleet  # noqa: PLC0415
+        from swarmctl.flight import virtual_simulator  # noqa: PLC0415
 
-        await run_fleet(resources.wire, run.scenario, run.address_of)
+        simulate = run.options.simulate or virtual_simulator.simulate
+        await simulate(resources.wire, run.scenario)
         return
     endpoint = run.endpoint(run.simulated[0])
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import errno
 import json
-import random
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -15,16 +15,19 @@ import pytest
 from flights import AREA, FaultyUi, Ui, coded, fly, small
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from interruptions import interrupting, silent
 from mcap.reader import make_reader
 from profiles import examples
 from recorded import effects, messages, on_the_wire
+from trouble import Trouble, interrupting, outage
 
 from swarmctl.agent.phases import Phase
 from swarmctl.config import model
 from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario, build
-from swarmctl.links.transports.base import Address
+from swarmctl.flight import virtual_simulator
+from swarmctl.flight.run import FlightOptions
+from swarmctl.links.transports.base import Address, Receive
+from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.report import record
 from swarmctl.report.live_rows import NOT_YET, OK
 from swarmctl.report.outcome import FlightReport
@@ -180,9 +183,35 @@ def test_a_replay_makes_the_same_decisions(shipped: Shipped) -> None:
     assert verdict.effects > 100
 
 
+OLD, NEW = ("simulated", 2), ("moved", 2)
+
+
+class MovedWire(MemoryWire):
+    """A wire on which the second vehicle sends from another address from 45 s on."""
+
+    def __init__(self, wire: MemoryWire) -> None:
+        super().__init__()
+        self._wire = wire
+
+    def from_vehicle(self, data: bytes, address: Address) -> None:
+        is_moved = address == OLD and asyncio.get_running_loop().time() >= 45.0
+        self._wire.from_vehicle(data, NEW if is_moved else address)
+
+    def connect_vehicles(self, receive: Receive | None) -> None:
+        def deliver(data: bytes, address: Address) -> None:
+            if receive is not None:
+                receive(data, OLD if address == NEW else address)
+
+        self._wire.connect_vehicles(deliver)
+
+
 def test_a_silent_vehicle_is_shown_lost_and_then_restored(tmp_path: Path) -> None:
-    ui = Ui()
-    report = fly(small(simulate=PAIR), tmp_path, address_of=silent(25.0, 45.0), ui=ui)
+    ui, cut = Ui(), outage(20.0, at_s=25.0)
+
+    async def simulate(wire: MemoryWire, scenario: Scenario) -> None:
+        await virtual_simulator.serve(MovedWire(wire), cut.fleet_of(scenario))
+
+    report = fly(small(simulate=PAIR), tmp_path, options=FlightOptions(simulate=simulate), ui=ui)
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 2
     assert len(coded(ui.said, "uav2", "telemetry-lost")) == 1
     assert len(coded(ui.said, "uav2", "telemetry-back")) == 1
@@ -194,7 +223,7 @@ def test_a_silent_vehicle_is_shown_lost_and_then_restored(tmp_path: Path) -> Non
 
 
 def test_a_vehicle_that_never_answers_stops_the_flight_before_any_arming(tmp_path: Path) -> None:
-    report = fly(small(), tmp_path, address_of=silent(0.0))
+    report = fly(small(), tmp_path, trouble=outage(at_s=0.0))
     assert report.ended == "failed"
     (line,) = report.trouble
     assert "uav2 (system 2" in line
@@ -216,7 +245,7 @@ def test_ctrl_c_holds_and_then_acts_as_configured(
     on_exit: str, modes: set[str], landed: bool, tmp_path: Path
 ) -> None:
     scenario = small(flight={"on_exit": on_exit}, simulate=PAIR)
-    report = fly(scenario, tmp_path, address_of=interrupting(30.0))
+    report = fly(scenario, tmp_path, trouble=interrupting(30.0))
     assert report.ended == "stopped"
     assert {s.vehicle.mode for s in report.states.values()} == modes
     assert all(s.vehicle.armed is not landed for s in report.states.values())
@@ -224,7 +253,7 @@ def test_ctrl_c_holds_and_then_acts_as_configured(
 
 
 def test_ctrl_c_before_the_launch_keeps_every_vehicle_on_the_ground(tmp_path: Path) -> None:
-    report = fly(small(), tmp_path, address_of=interrupting(3.0))
+    report = fly(small(), tmp_path, trouble=interrupting(3.0))
     assert report.ended == "stopped"
     assert not any(s.vehicle.armed for s in report.states.values())
 
@@ -269,9 +298,8 @@ def test_vehicles_take_off_one_after_the_other_if_configured(tmp_path: Path) -> 
 @pytest.mark.parametrize("loss", [0.1, 0.3])
 def test_frame_loss_delays_the_swarm_but_does_not_stop_it(loss: float, tmp_path: Path) -> None:
     # With some seeds five heartbeats or mission starts in a row are lost, and a vehicle does not launch.
-    rng = random.Random(3)
     report = fly(
-        small(), tmp_path, address_of=lambda sysid, _: None if rng.random() < loss else ("radio", sysid)
+        small(), tmp_path, trouble=Trouble(faults=[{"fault": "packet_loss", "params": {"rate": loss}}])
     )
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
 
@@ -285,12 +313,12 @@ OUTAGES = st.lists(st.tuples(st.integers(1, 3), st.floats(10.0, 120.0), st.float
 def test_every_vehicle_arrives_after_link_outages_of_any_kind(
     outages: list[tuple[int, float, float]],
 ) -> None:
-    def address_of(sysid: int, now: float) -> Address | None:
-        out = any(uav == sysid and since <= now < since + for_s for uav, since, for_s in outages)
-        return None if out else ("radio", sysid)
-
+    faults = [
+        {"fault": "link_outage", "vehicles": [uav], "at_s": since_s, "for_s": for_s}
+        for uav, since_s, for_s in outages
+    ]
     with TemporaryDirectory() as folder:
-        report = fly(small(), Path(folder), address_of=address_of)
+        report = fly(small(), Path(folder), trouble=Trouble(faults=[*faults]))
     assert report.ended == "ended"
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
 

@@ -10,7 +10,7 @@ from flight_monitor import FlightMonitor
 from flights import AREA, SEPARATION_WAIVED, Ui, fly, small
 from profiles import full_only
 from random_flights import RandomFlight
-from trouble import Trouble, inject
+from trouble import Trouble
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.report import record
@@ -59,13 +59,12 @@ def six() -> Scenario:
 
 @pytest.mark.parametrize("swarm", [two, *full_only(three, six)])
 def test_vehicles_that_arrive_at_one_goal_together_land_apart(
-    swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    swarm: Callable[[], Scenario], tmp_path: Path
 ) -> None:
     drawn, ui = RandomFlight(swarm(), Trouble()), Ui()
     monitor = FlightMonitor(drawn)
     monitor.attend()
-    inject(drawn.trouble, monkeypatch)
-    report = fly(drawn.scenario, tmp_path, ui=ui, options=SEPARATION_WAIVED)
+    report = fly(drawn.scenario, tmp_path, trouble=drawn.trouble, ui=ui, options=SEPARATION_WAIVED)
     assert report.all_arrived, [state.outcome for state in report.states.values()]
     assert monitor.close == {}
     waits = [line for line in ui.said if line.endswith("[landing-queue]")]

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 from flights import Ui, fly
-from interruptions import interrupting
 from profiles import full_only
 from recorded import first_heartbeats
-from trouble import Trouble, inject
+from trouble import Trouble, interrupting
 from wings_flights import away_m, winged
 
 from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
@@ -59,7 +58,7 @@ def test_the_shipped_fixed_wings_and_copters_arrive_by_changed_missions(tmp_path
 )
 def test_a_recalled_fixed_wing_lands_at_home(autopilot: str, on_exit: str, mode: str, tmp_path: Path) -> None:
     scenario = winged(flight={"on_exit": on_exit}, simulate={"autopilot": [autopilot, "ardupilot"]})
-    report = fly(scenario, tmp_path, address_of=interrupting(25.0))
+    report = fly(scenario, tmp_path, trouble=interrupting(25.0))
     wing = report.states[1]
     assert report.ended == "stopped"
     assert (wing.vehicle.mode, wing.vehicle.armed) == (mode, False)
@@ -69,7 +68,7 @@ def test_a_recalled_fixed_wing_lands_at_home(autopilot: str, on_exit: str, mode:
 @pytest.mark.parametrize(("autopilot", "mode"), [("arduplane", "GUIDED"), ("px4plane", "AUTO.LOITER")])
 def test_a_holding_fixed_wing_circles(autopilot: str, mode: str, tmp_path: Path) -> None:
     scenario = winged(flight={"on_exit": "hold"}, simulate={"autopilot": [autopilot, "ardupilot"]})
-    report = fly(scenario, tmp_path, address_of=interrupting(30.0))
+    report = fly(scenario, tmp_path, trouble=interrupting(30.0))
     wing = report.states[1]
     assert (wing.vehicle.mode, wing.vehicle.armed) == (mode, True)
     assert wing.vehicle.ground_speed_m_s > 10.0
@@ -99,11 +98,10 @@ def test_fixed_wings_of_px4_arrive_by_changed_missions_and_land_at_their_goals(
     assert {heartbeat.type for heartbeat in first_heartbeats(tmp_path, scenario)} == {PLANE}
 
 
-def test_a_px4_whose_return_does_not_end_at_its_landing_stays_on_the_ground(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    inject(Trouble(params_of={1: {"RTL_TYPE": 0.0}}), monkeypatch)
-    report = fly(winged(simulate={"autopilot": ["px4plane", "ardupilot"]}), tmp_path)
+def test_a_px4_whose_return_does_not_end_at_its_landing_stays_on_the_ground(tmp_path: Path) -> None:
+    trouble = Trouble(params_of={1: {"RTL_TYPE": 0.0}})
+    scenario = winged(simulate={"autopilot": ["px4plane", "ardupilot"]})
+    report = fly(scenario, tmp_path, trouble=trouble)
     assert not any(state.launch.armed_seen for state in report.states.values())
     (text,) = report.trouble
     assert re.match(r"uav1: parameters: .*RTL_TYPE 0, .*\b1 ", text)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from flights import Ui, fly, small
-from trouble import Trouble, inject
+from trouble import Trouble
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
@@ -22,22 +21,22 @@ from swarmctl.report.outcome import FlightReport
 
 pytestmark = pytest.mark.virtual
 
-Afflict = Callable[..., None]
+
+def afflicted(*faults: str, params: dict[int, dict[str, float]] | None = None) -> Trouble:
+    """Return a simulator with faults, and with parameters by system id."""
+    return Trouble(faults=[*faults], params_of=params or {})
 
 
-@pytest.fixture
-def afflict(monkeypatch: pytest.MonkeyPatch) -> Afflict:
-    """Return a function that gives the simulator `faults`, and parameters by system id."""
-
-    def afflict(*faults: str, params: dict[int, dict[str, float]] | None = None) -> None:
-        inject(Trouble(faults=list(faults), params_of=params or {}), monkeypatch)
-
-    return afflict
-
-
-def checked(scenario: Scenario, folder: Path, *waivers: Waiver, ui: Ui | None = None) -> FlightReport:
+def checked(
+    scenario: Scenario,
+    folder: Path,
+    *waivers: Waiver,
+    trouble: Trouble | None = None,
+    ui: Ui | None = None,
+) -> FlightReport:
     """Run the checks without a launch."""
-    options = FlightOptions(launch="never", waivers=waivers)
+    trouble = trouble or Trouble()
+    options = FlightOptions(launch="never", waivers=waivers, simulate=trouble.simulate)
     folder.mkdir(exist_ok=True)
     flight = app.fly(
         scenario, folder, ui or Ui(), clock="virtual", permission=lambda foreign: None, options=options
@@ -78,12 +77,12 @@ WRONG = {
 
 
 @AUTOPILOTS
-def test_parameters_against_the_policy_are_found_by_their_names(
-    autopilot: str, afflict: Afflict, tmp_path: Path
-) -> None:
+def test_parameters_against_the_policy_are_found_by_their_names(autopilot: str, tmp_path: Path) -> None:
     params, *parts = WRONG[autopilot]
-    afflict(params={2: params})
-    report = checked(small(simulate={"count": 2, "ready_s": 1.0, "autopilot": autopilot}), tmp_path)
+    trouble = afflicted(params={2: params})
+    report = checked(
+        small(simulate={"count": 2, "ready_s": 1.0, "autopilot": autopilot}), tmp_path, trouble=trouble
+    )
     assert failing(report) == [("uav2", "parameters")]
     (text,) = report.trouble
     assert text.startswith("uav2: parameters: ")
@@ -97,10 +96,10 @@ def test_parameters_are_compared_with_the_declared_policy(tmp_path: Path) -> Non
 
 
 @pytest.mark.full
-def test_parameters_are_set_only_if_configured(afflict: Afflict, tmp_path: Path) -> None:
-    afflict(params={1: {"FENCE_ENABLE": 0, "FENCE_ACTION": 0}, 2: {"FENCE_TYPE": 7}})
+def test_parameters_are_set_only_if_configured(tmp_path: Path) -> None:
+    trouble = afflicted(params={1: {"FENCE_ENABLE": 0, "FENCE_ACTION": 0}, 2: {"FENCE_TYPE": 7}})
     ui = Ui()
-    report = fly(small(preflight={"set_parameters": True}), tmp_path, ui=ui)
+    report = fly(small(preflight={"set_parameters": True}), tmp_path, ui=ui, trouble=trouble)
     assert report.all_arrived
     (line,) = [text for text in ui.said if "FENCE_ENABLE 0 → 1" in text]
     assert line.startswith("uav1: ")
@@ -108,13 +107,12 @@ def test_parameters_are_set_only_if_configured(afflict: Afflict, tmp_path: Path)
 
 
 @pytest.mark.parametrize("enabled", [0, 1])
-def test_ardupilots_fence_is_enabled_after_its_limits_are_set(
-    enabled: int, afflict: Afflict, tmp_path: Path
-) -> None:
+def test_ardupilots_fence_is_enabled_after_its_limits_are_set(enabled: int, tmp_path: Path) -> None:
     # ArduPilot reads fence limits when FENCE_ENABLE changes, or by command (`AC_Fence::update`, `enable`).
-    afflict(params={1: {"FENCE_TYPE": 4, "FENCE_ENABLE": enabled}})
+    trouble = afflicted(params={1: {"FENCE_TYPE": 4, "FENCE_ENABLE": enabled}})
     simulate = {"count": 1, "ready_s": 1.0}
-    assert fly(small(preflight={"set_parameters": True}, simulate=simulate), tmp_path).all_arrived
+    scenario = small(preflight={"set_parameters": True}, simulate=simulate)
+    assert fly(scenario, tmp_path, trouble=trouble).all_arrived
     lines = [json.loads(line) for line in (tmp_path / "evidence.jsonl").read_text().splitlines()]
     sent = [line["what"] for line in lines if line["kind"] == "command"]
     values = [(what["param_id"], what["param_value"]) for what in sent if what["message"] == "PARAM_SET"]
@@ -124,17 +122,15 @@ def test_ardupilots_fence_is_enabled_after_its_limits_are_set(
     assert names.index("DO_FENCE_ENABLE") > names.index("FENCE_TYPE")
 
 
-def test_preflight_without_launch_sets_no_parameter(afflict: Afflict, tmp_path: Path) -> None:
-    afflict(params={1: {"FENCE_ENABLE": 0}})
-    report = checked(small(preflight={"set_parameters": True}), tmp_path)
+def test_preflight_without_launch_sets_no_parameter(tmp_path: Path) -> None:
+    trouble = afflicted(params={1: {"FENCE_ENABLE": 0}})
+    report = checked(small(preflight={"set_parameters": True}), tmp_path, trouble=trouble)
     assert failing(report) == [("uav1", "parameters")]
 
 
-def test_failures_of_two_vehicles_are_one_report_and_no_vehicle_is_armed(
-    afflict: Afflict, tmp_path: Path
-) -> None:
-    afflict("battery_sag:sag_v=0,at_most=0.2,sysid=1", params={3: {"FENCE_ENABLE": 0}})
-    report = fly(small(), tmp_path)
+def test_failures_of_two_vehicles_are_one_report_and_no_vehicle_is_armed(tmp_path: Path) -> None:
+    trouble = afflicted("battery_sag:sag_v=0,at_most=0.2,sysid=1", params={3: {"FENCE_ENABLE": 0}})
+    report = fly(small(), tmp_path, trouble=trouble)
     assert report.ended == "failed"
     assert [text.split(": ")[:2] for text in report.trouble] == [["uav1", "battery"], ["uav3", "parameters"]]
     assert "--waive battery:uav1" in report.trouble[0]
@@ -146,14 +142,12 @@ def test_failures_of_two_vehicles_are_one_report_and_no_vehicle_is_armed(
     ]
 
 
-def test_a_waived_check_is_reported_recorded_and_does_not_stop_the_flight(
-    afflict: Afflict, tmp_path: Path
-) -> None:
-    afflict("battery_sag:sag_v=0,at_most=0.5,sysid=1")
+def test_a_waived_check_is_reported_recorded_and_does_not_stop_the_flight(tmp_path: Path) -> None:
+    trouble = afflicted("battery_sag:sag_v=0,at_most=0.5,sysid=1")
     scenario, ui = small(preflight={"reserve_percent": 60}), Ui()
-    refused = checked(scenario, tmp_path / "checks")
+    refused = checked(scenario, tmp_path / "checks", trouble=trouble)
     assert failing(refused) == [("uav1", "battery")]
-    options = FlightOptions(waivers=(Waiver("battery", "uav1"),))
+    options = FlightOptions(waivers=(Waiver("battery", "uav1"),), simulate=trouble.simulate)
     (tmp_path / "flight").mkdir()
     report = run_virtual(
         app.fly(
@@ -168,9 +162,9 @@ def test_a_waived_check_is_reported_recorded_and_does_not_stop_the_flight(
     assert [(c["vehicle"], c["check"], c["found"]) for c in waived] == [("uav1", "battery", "50 %")]
 
 
-def test_a_waiver_for_one_vehicle_does_not_apply_to_another(afflict: Afflict, tmp_path: Path) -> None:
-    afflict("battery_sag:sag_v=0,at_most=0.2")
-    report = checked(small(), tmp_path, Waiver("battery", "uav2"))
+def test_a_waiver_for_one_vehicle_does_not_apply_to_another(tmp_path: Path) -> None:
+    trouble = afflicted("battery_sag:sag_v=0,at_most=0.2")
+    report = checked(small(), tmp_path, Waiver("battery", "uav2"), trouble=trouble)
     assert [text.split(":")[0] for text in report.trouble] == ["uav1", "uav3"]
 
 
@@ -183,19 +177,19 @@ def test_a_clock_out_of_step_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path:
     assert " 2 s" in report.trouble[0]
 
 
-def test_a_vehicle_without_satellites_is_found(afflict: Afflict, tmp_path: Path) -> None:
-    afflict("gps_loss:sysid=1")
-    report = checked(small(), tmp_path)
+def test_a_vehicle_without_satellites_is_found(tmp_path: Path) -> None:
+    trouble = afflicted("gps_loss:sysid=1")
+    report = checked(small(), tmp_path, trouble=trouble)
     assert ("uav1", "gps") in failing(report)
     assert {name for name, _ in failing(report)} == {"uav1"}
 
 
-def test_a_vehicle_that_does_not_become_ready_is_reported_with_failures_of_others(
-    afflict: Afflict, tmp_path: Path
-) -> None:
-    afflict("sensor_unhealthy:sensor=mag,sysid=1", params={3: {"FENCE_ENABLE": 0}})
+def test_a_vehicle_that_does_not_become_ready_is_reported_with_failures_of_others(tmp_path: Path) -> None:
+    trouble = afflicted("sensor_unhealthy:sensor=mag,sysid=1", params={3: {"FENCE_ENABLE": 0}})
     ui = Ui()
-    report = checked(small(flight={"ready_timeout_s": 20.0, "altitude_m": 15.0}), tmp_path, ui=ui)
+    report = checked(
+        small(flight={"ready_timeout_s": 20.0, "altitude_m": 15.0}), tmp_path, ui=ui, trouble=trouble
+    )
     assert any(text.startswith("uav3: parameters: ") and "FENCE_ENABLE 0" in text for text in ui.said)
     uav1 = {("uav1", "position"), ("uav1", "battery"), ("uav1", "route")}
     assert set(failing(report)) == {*uav1, ("uav3", "parameters")}
@@ -204,10 +198,10 @@ def test_a_vehicle_that_does_not_become_ready_is_reported_with_failures_of_other
     assert "[pre-arm]" in report.trouble[0]
 
 
-def test_a_vehicle_that_refuses_the_fence_is_not_armed(afflict: Afflict, tmp_path: Path) -> None:
-    afflict("mission_refused:result=no_space,for=6,sysid=3")
+def test_a_vehicle_that_refuses_the_fence_is_not_armed(tmp_path: Path) -> None:
+    trouble = afflicted("mission_refused:result=no_space,for=6,sysid=3")
     ui = Ui()
-    report = checked(small(simulate={"count": 3, "ready_s": 10.0}), tmp_path, ui=ui)
+    report = checked(small(simulate={"count": 3, "ready_s": 10.0}), tmp_path, ui=ui, trouble=trouble)
     assert failing(report) == [("uav3", "fence")]
     assert any("uav3" in text and "upload rejected: NO_SPACE" in text for text in ui.said)
 
@@ -223,7 +217,7 @@ def test_a_route_that_leaves_a_configured_fence_is_found(tmp_path: Path) -> None
     assert report.trouble[0].startswith("uav1: route: ")
 
 
-def test_an_old_battery_message_does_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_old_battery_message_does_not_count(tmp_path: Path) -> None:
     """The vehicle sends SYS_STATUS until it holds its mission, and then no more, requested or not."""
 
     holds: list[bool] = []
@@ -233,8 +227,7 @@ def test_an_old_battery_message_does_not_count(tmp_path: Path, monkeypatch: pyte
             holds.append(True)
         return bool(holds) and frame[5:6] == b"\x02" and frame[7:10] == b"\x01\0\0"
 
-    inject(Trouble(loses=loses), monkeypatch)
-    report = checked(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path)
+    report = checked(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path, trouble=Trouble(loses=loses))
     assert holds
     assert failing(report) == [("uav2", "position"), ("uav2", "battery")]
     (finding,) = (c.finding for c in report.checked["uav2"] if c.check == "battery")

@@ -13,9 +13,8 @@ import pytest
 from agent_stories import Story, answers, orders
 from companion_world import STATION, Swarm
 from flights import FaultyUi, coded, fly, fly_with_commands
-from interruptions import interrupting, interrupts
 from recall_stories import ReturnMonitor, gathering, landing_together
-from trouble import Trouble, fly_with, inject, select_mode
+from trouble import Trouble, interrupting, interrupts, select_mode
 
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
@@ -28,6 +27,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import GiveOrder, VehicleAnswer
 from swarmctl.core.records import replace
+from swarmctl.flight import virtual_simulator
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import FlightReport
 from swarmctl.station import commands
@@ -115,11 +115,10 @@ def outcomes(answer: Answers) -> list[str]:
     return [vehicle.outcome for vehicle in answer]
 
 
-def test_a_swarm_in_one_process_returns_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monitor = ReturnMonitor()
-    inject(Trouble(on_step=monitor), monkeypatch)
+def test_a_swarm_in_one_process_returns_in_turns(tmp_path: Path) -> None:
+    trouble = Trouble(on_step=(monitor := ReturnMonitor()))
     back = GiveOrder(None, "return")
-    report, answers = fly_with_commands(gathering(), tmp_path, (50.0, back), (65.0, back))
+    report, answers = fly_with_commands(gathering(), tmp_path, (50.0, back), (65.0, back), trouble=trouble)
     assert [outcomes(answer) for answer in answers] == [["taken"] * 3] * 2
     assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1])
     assert len(set(monitor.since_s.values())) > 1
@@ -207,7 +206,8 @@ def test_agents_in_several_processes_return_in_turns(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """No process assigns turns after Ctrl-C on each."""
-    inject(Trouble(on_step=(monitor := ReturnMonitor())), monkeypatch)
+    trouble = Trouble(on_step=(monitor := ReturnMonitor()))
+    monkeypatch.setattr(virtual_simulator, "simulate", trouble.simulate)
     reports = flown_by_agents(gathering(), tmp_path, monkeypatch, 43.0, act)
     assert [report.ended for report in reports] == [ended] * 3
     assert len({round(at_s) for at_s in monitor.since_s.values()}) > 1
@@ -218,9 +218,10 @@ def test_agents_in_several_processes_return_in_turns(
 
 
 @pytest.mark.full
-def test_ctrl_c_returns_the_vehicles_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    trouble = Trouble(on_step=(monitor := ReturnMonitor()))
-    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=gathering(), address_of=interrupting(50.0))
+def test_ctrl_c_returns_the_vehicles_in_turns(tmp_path: Path) -> None:
+    trouble, ui = interrupting(50.0), Ui()
+    trouble.on_step = monitor = ReturnMonitor()
+    report = fly(gathering(), tmp_path, trouble=trouble, ui=ui)
     assert report.ended == "stopped"
     assert monitor.least_m > MIN_HORIZONTAL_M
     assert len(set(monitor.since_s.values())) > 1
@@ -228,9 +229,10 @@ def test_ctrl_c_returns_the_vehicles_in_turns(tmp_path: Path, monkeypatch: pytes
     assert not any(state.vehicle.armed for state in report.states.values())
 
 
-def test_at_the_deadline_all_waiting_vehicles_return(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_at_the_deadline_all_waiting_vehicles_return(tmp_path: Path) -> None:
     scenario = gathering(flight={"altitude_m": 15.0, "on_exit_deadline_s": 3.0})
-    report, ui = fly_with(Trouble(), tmp_path, monkeypatch, scenario=scenario, address_of=interrupting(50.0))
+    ui = Ui()
+    report = fly(scenario, tmp_path, trouble=interrupting(50.0), ui=ui)
     assert report.ended == "stopped"
     assert [line.endswith("[in-air]") and "mode RTL" in line for line in report.final_states] == [True] * 3
     (late,) = (text for text in ui.said if text.endswith("[deadline]"))
@@ -239,11 +241,9 @@ def test_at_the_deadline_all_waiting_vehicles_return(tmp_path: Path, monkeypatch
     assert any(text.endswith("[exit-now]") for text in ui.said)
 
 
-def test_ctrl_c_twice_returns_all_vehicles_at_the_same_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    address_of = interrupting(50.0, 50.5)
-    report, ui = fly_with(Trouble(), tmp_path, monkeypatch, scenario=gathering(), address_of=address_of)
+def test_ctrl_c_twice_returns_all_vehicles_at_the_same_time(tmp_path: Path) -> None:
+    ui = Ui()
+    report = fly(gathering(), tmp_path, trouble=interrupting(50.0, 50.5), ui=ui)
     assert report.ended == "abandoned"
     assert len(report.final_states) == 3
     assert all("mode RTL" in line for line in report.final_states)
@@ -258,7 +258,7 @@ def test_ctrl_c_lands_the_lower_of_two_vehicles_first(
     if by_agents:
         reports = flown_by_agents(landing_together(), tmp_path, monkeypatch, 60.0, press_all)
     else:
-        reports = [fly(landing_together(), tmp_path, address_of=interrupting(66.0))]
+        reports = [fly(landing_together(), tmp_path, trouble=interrupting(66.0))]
     down_s = {uav: report.statistics.vehicles[uav].last_s for report in reports for uav in report.states}
     assert down_s[2] > down_s[1]
     for report in reports:
@@ -266,13 +266,10 @@ def test_ctrl_c_lands_the_lower_of_two_vehicles_first(
         assert report.summary["separation"]["too_close"] == []
 
 
-def test_a_failed_flight_returns_the_vehicles_in_turns(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_flight_returns_the_vehicles_in_turns(tmp_path: Path) -> None:
     trouble = Trouble(on_step=(monitor := ReturnMonitor()))
-    inject(trouble, monkeypatch)
     ui = FaultyUi(after_s=47.0)
-    report = fly(gathering(), tmp_path, ui=ui, broken=True)
+    report = fly(gathering(), tmp_path, trouble=trouble, ui=ui, broken=True)
     assert isinstance(report.bug, ExceptionGroup)
     assert json.loads((tmp_path / "summary.json").read_text())["ended"] == report.ended == "failed"
     assert any("uav1, uav2, uav3" in text and text.endswith("[emergency]") for text in ui.said)
@@ -285,11 +282,8 @@ def test_a_failed_flight_returns_the_vehicles_in_turns(
 
 
 @pytest.mark.full
-def test_an_emergency_leaves_a_vehicle_alone_that_a_pilot_takes_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_emergency_leaves_a_vehicle_alone_that_a_pilot_takes_over(tmp_path: Path) -> None:
     trouble = Trouble(actions=[(60.0, select_mode(2, "LOITER"))])
-    inject(trouble, monkeypatch)
-    report = fly(gathering(), tmp_path, ui=FaultyUi(after_s=47.0), broken=True)
+    report = fly(gathering(), tmp_path, trouble=trouble, ui=FaultyUi(after_s=47.0), broken=True)
     assert trouble.modes[2] == ["AUTO", "GUIDED", "LOITER"]
     assert ["mode RTL" in line for line in report.final_states] == [True, False, True]

@@ -8,11 +8,10 @@ from typing import Any
 
 import pytest
 from flights import Ui, coded, fly, small
-from interruptions import interrupting, silent
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recorded import events
 from rich.console import Console
-from trouble import Trouble, another_station_sends, fly_with, inject, select_mode
+from trouble import Trouble, another_station_sends, interrupting, outage, select_mode
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.agent.phases import Phase
@@ -41,11 +40,10 @@ def taken(*then: tuple[float, str]) -> Trouble:
     return Trouble(actions=[(at_s, select_mode(2, mode)) for at_s, mode in ((30.0, "GUIDED"), *then)])
 
 
-def test_a_released_vehicle_keeps_its_heartbeats_until_it_lands(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_released_vehicle_keeps_its_heartbeats_until_it_lands(tmp_path: Path) -> None:
     trouble = taken((LANDS_AT_S, "LAND"))
-    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
+    ui = Ui()
+    report = fly(pair(), tmp_path, trouble=trouble, ui=ui)
     assert trouble.modes[2] == ["AUTO", "GUIDED", "LAND"]  # not RTL, as without heartbeats
     assert report.ended == "ended"
     assert not report.states[2].vehicle.armed
@@ -57,11 +55,11 @@ def test_a_released_vehicle_keeps_its_heartbeats_until_it_lands(
 
 
 @pytest.mark.full
-def test_ctrl_c_sends_no_order_to_a_released_vehicle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_sends_no_order_to_a_released_vehicle(tmp_path: Path) -> None:
     trouble = taken((LANDS_AT_S, "LAND"))
-    inject(trouble, monkeypatch)
+    trouble.actions += interrupting(150.0).actions
     ui = Ui()
-    report = fly(pair(), tmp_path, address_of=interrupting(150.0), ui=ui)
+    report = fly(pair(), tmp_path, trouble=trouble, ui=ui)
     assert report.ended == "stopped"
     assert trouble.modes[2] == ["AUTO", "GUIDED"]
     (final_state,) = (text for text in report.final_states if text.startswith("uav2"))
@@ -71,10 +69,10 @@ def test_ctrl_c_sends_no_order_to_a_released_vehicle(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.full
-def test_the_header_states_the_effect_of_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_header_states_the_effect_of_ctrl_c(tmp_path: Path) -> None:
     ui = Ui()
-    inject(taken((LANDS_AT_S, "LAND")), monkeypatch)
-    fly(pair(flight={"altitude_m": 15.0, "on_exit": "land"}), tmp_path, ui=ui)
+    trouble, scenario = taken((LANDS_AT_S, "LAND")), pair(flight={"altitude_m": 15.0, "on_exit": "land"})
+    fly(scenario, tmp_path, trouble=trouble, ui=ui)
     on_ground, in_flight, with_released = dict.fromkeys(view.on_ctrl_c for view in ui.views)
     assert "hold" in in_flight
     assert "land" in in_flight
@@ -89,7 +87,7 @@ def test_a_silent_vehicle_is_shown_as_lost_and_its_loss_is_reported(
     ui, drawn = Ui(), list[MapPicture]()
     monkeypatch.setattr(sheet, "draw_map", lambda path, picture: drawn.append(picture))
     scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
-    report = fly(scenario, tmp_path, address_of=silent(25.0), ui=ui)
+    report = fly(scenario, tmp_path, trouble=outage(at_s=25.0), ui=ui)
     assert not report.all_arrived
     assert [(track.outcome, track.is_lost) for track in drawn[0].tracks] == [
         ("arrived", False), ("lost", True), ("arrived", False),
@@ -129,10 +127,9 @@ def armed_early() -> Trouble:
 
 
 @pytest.mark.full
-def test_a_vehicle_armed_by_another_station_does_not_keep_the_others_on_the_ground(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    report, ui = fly_with(armed_early(), tmp_path, monkeypatch, scenario=pair())
+def test_a_vehicle_armed_by_another_station_does_not_keep_the_others_on_the_ground(tmp_path: Path) -> None:
+    ui = Ui()
+    report = fly(pair(), tmp_path, trouble=armed_early(), ui=ui)
     assert report.ended == "ended"
     assert report.states[1].outcome == "arrived"
     assert (report.states[2].phase, report.states[2].launch.armed_seen) == ("released", False)
@@ -141,10 +138,7 @@ def test_a_vehicle_armed_by_another_station_does_not_keep_the_others_on_the_grou
     assert any("uav2" in line and line.endswith("[ready]") for line in ui.said)
 
 
-def test_preflight_fails_for_a_vehicle_that_another_station_has_armed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    inject(armed_early(), monkeypatch)
-    report = fly(pair(), tmp_path, options=FlightOptions(launch="never"))
+def test_preflight_fails_for_a_vehicle_that_another_station_has_armed(tmp_path: Path) -> None:
+    report = fly(pair(), tmp_path, trouble=armed_early(), options=FlightOptions(launch="never"))
     assert report.ended == "failed"
     assert any(line.startswith("uav2") and "armed" in line for line in report.trouble)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from flights import coded
+from flights import Ui, coded, fly, small
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from profiles import examples
-from trouble import Trouble, fly_with
+from trouble import Trouble
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.truth import Truth
@@ -69,12 +69,12 @@ def test_every_vehicle_flies_on_to_its_goal_and_the_operator_is_told(
     tracks = Tracks()
     trouble = Trouble(
         faults=[{"fault": "packet_loss", "params": {"rate": loss}}] if loss else [],
-        actions=[(at_s, stall(seconds)) for at_s, seconds in sorted(stalls)],
+        actions=[(at_s, stall(seconds)) for at_s, seconds in stalls],
         on_step=tracks.watch,
     )
     folder: Path = tmp_path_factory.mktemp("run")
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        report, ui = fly_with(trouble, folder, monkeypatch)
+    ui = Ui()
+    report = fly(small(), folder, trouble=trouble, ui=ui)
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
     for uav, way_m in UNDISTURBED_M.items():
         assert tracks.flown_m[uav] < way_m + LONGER_M

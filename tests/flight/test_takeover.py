@@ -12,10 +12,9 @@ from typing import BinaryIO
 import pytest
 from crash_world import Crash, Meanwhile, Moment, crashed, drift, lost_observations, resume, unfinished
 from flights import AREA, coded, small
-from interruptions import interrupts
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recorded import effects, events
-from trouble import MODES, Trouble, another_station_sends, mode_message
+from trouble import MODES, Trouble, another_station_sends, interrupts, mode_message
 from trouble import select_mode as select
 from wings_flights import winged
 
@@ -83,17 +82,15 @@ def rounds(kind: str, n: int) -> list[object]:
         *rounds("arduplane", 1),
     ],
 )
-def test_a_station_that_dies_at_any_moment_is_continued(
-    kind: str, draws: range, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_station_that_dies_at_any_moment_is_continued(kind: str, draws: range, tmp_path: Path) -> None:
     for draw in draws:
         drawn = random.Random(f"{kind} {draw}")
         moment, outage_s = drawn_moment(drawn), drawn.choice(OUTAGES_S)
         scenario = pair("ardupilot" if kind == "lossy" else kind)
         trouble = Trouble(faults=LOSSY if kind == "lossy" else [])
         folder = tmp_path / f"{draw}"
-        with crashed(scenario, folder, monkeypatch, when=moment, trouble=trouble) as crash:
-            resumed = resume(scenario, crash, tmp_path / f"{draw}-on", monkeypatch, outage_s=outage_s)
+        with crashed(scenario, folder, when=moment, trouble=trouble) as crash:
+            resumed = resume(scenario, crash, tmp_path / f"{draw}-on", outage_s=outage_s)
         story = f"{kind} {draw}: crash {crash.at_s:.1f} s, silent {outage_s} s: {resumed.ui.said}"
         # A plane stays armed on the ground if its launch is cut off; a copter disarms itself and is launched.
         aborted = [o for o in resumed.outcomes().values() if o.startswith("launch aborted")]
@@ -104,19 +101,17 @@ def test_a_station_that_dies_at_any_moment_is_continued(
 
 
 @pytest.mark.full
-def test_the_record_goes_on_and_both_runs_stay_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_record_goes_on_and_both_runs_stay_valid(tmp_path: Path) -> None:
     """A second crash, in the run that went on after the first: its record alone has the whole flight."""
     scenario = pair()
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(20.0)) as first:
+    with crashed(scenario, tmp_path / "a", when=at(20.0)) as first:
         drift(first, 5.0)
         run = unfinished(scenario, first)
         options = replace(DEFAULT_OPTIONS, resumes=run)
         moment = at(first.at_s + 20.0)
-        second_run = crashed(
-            scenario, tmp_path / "b", monkeypatch, when=moment, options=options, earlier=first
-        )
+        second_run = crashed(scenario, tmp_path / "b", when=moment, options=options, earlier=first)
         with run.file, second_run as second:
-            resumed = resume(scenario, second, tmp_path / "c", monkeypatch)
+            resumed = resume(scenario, second, tmp_path / "c")
     assert set(resumed.outcomes().values()) == {"arrived"}
     assert resumed.broken_rules() == []
     assert lost_observations(resumed) == []
@@ -165,14 +160,14 @@ def skip(fleet: Fleet, now: float) -> None:
     ],
 )
 def test_a_vehicle_that_another_station_touched_is_let_go(
-    meanwhile: Meanwhile, outcome: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    meanwhile: Meanwhile, outcome: str, tmp_path: Path
 ) -> None:
     scenario = pair()
 
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(40.0)) as crash:
+    with crashed(scenario, tmp_path / "a", when=at(40.0)) as crash:
         # A vehicle that its pilot holds has to land some time, or the flight does not end.
         lands = (crash.at_s + 30.0, land)
-        resumed = resume(scenario, crash, tmp_path / "b", monkeypatch, meanwhile=meanwhile, later=lands)
+        resumed = resume(scenario, crash, tmp_path / "b", meanwhile=meanwhile, later=lands)
     said = resumed.ui.said
     assert any(line.endswith("[not-taken-over]") and line.startswith("uav1") for line in said), said
     assert outcome in resumed.outcomes()["uav1"]
@@ -184,17 +179,14 @@ def test_a_vehicle_that_another_station_touched_is_let_go(
 @pytest.mark.full
 @pytest.mark.parametrize("returns_after_s", [20.0, None], ids=["late", "never"])
 def test_a_vehicle_that_does_not_answer_delays_no_other(
-    returns_after_s: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    returns_after_s: float | None, tmp_path: Path
 ) -> None:
     scenario = pair()
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
+    with crashed(scenario, tmp_path / "a", when=at(30.0)) as crash:
         begins_s = crash.at_s + 5.0
-
-        def address_of(sysid: int, now: float) -> tuple[str, int] | None:
-            is_back = returns_after_s is not None and now > begins_s + returns_after_s
-            return None if sysid == 2 and not is_back else ("simulated", sysid)
-
-        resumed = resume(scenario, crash, tmp_path / "b", monkeypatch, address_of=address_of)
+        lasts = "" if returns_after_s is None else f",for={5.0 + returns_after_s}"
+        crash.fleet.inject(parse_fault(f"link_outage:sysid=2{lasts}"), crash.at_s)
+        resumed = resume(scenario, crash, tmp_path / "b")
     (taken_s, *_) = (entry["now_s"] for entry in events(resumed.folder, "Restarted", "uav1"))
     assert taken_s < begins_s + 5.0
     assert resumed.outcomes()["uav1"] == "arrived"
@@ -214,9 +206,9 @@ def test_a_second_sender_with_the_id_of_one_vehicle_stops_no_other(
         flight.members[1].runner.on_link_event(SystemIdConflict("udp://10.0.0.1:14550"))
         return await made(flight)
 
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
+    with crashed(scenario, tmp_path / "a", when=at(30.0)) as crash:
         monkeypatch.setattr(app, "run_tasks", run_tasks)
-        resumed = resume(scenario, crash, tmp_path / "b", monkeypatch)
+        resumed = resume(scenario, crash, tmp_path / "b")
     assert resumed.report.ended == "ended"
     assert resumed.outcomes()["uav1"] == "arrived"
     assert coded(resumed.ui.said, "uav2", "not-taken-over")
@@ -227,19 +219,19 @@ def test_without_the_permission_no_vehicle_is_taken_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenario = pair()
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
+    with crashed(scenario, tmp_path / "a", when=at(30.0)) as crash:
         monkeypatch.setattr(mavlink_events, "SIMULATOR_MARK", b"another autopilot")
-        resumed = resume(scenario, crash, tmp_path / "b", monkeypatch)
+        resumed = resume(scenario, crash, tmp_path / "b")
     assert resumed.report.ended == "failed"
     assert all(line.endswith("[not-simulated]") for line in resumed.report.trouble)
     assert max(entry["now_s"] for entry in effects(resumed.folder, "Command")) < crash.at_s
     assert all(entry["event"]["reason"] for entry in events(resumed.folder, "Restarted"))
 
 
-def dead(folder: Path, monkeypatch: pytest.MonkeyPatch, at_s: float) -> tuple[Scenario, Crash]:
+def dead(folder: Path, at_s: float) -> tuple[Scenario, Crash]:
     """Return the scenario and the files of a station that died at this time."""
     scenario = pair()
-    with crashed(scenario, folder / "a", monkeypatch, when=at(at_s)) as crash:
+    with crashed(scenario, folder / "a", when=at(at_s)) as crash:
         return scenario, crash
 
 
@@ -260,20 +252,17 @@ def test_a_run_with_changed_files_is_refused(
     change: Callable[[bytes], bytes],
     code: str,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    scenario, crash = dead(tmp_path, monkeypatch, 1.0)
+    scenario, crash = dead(tmp_path, 1.0)
     file = crash.folder / name
     file.write_bytes(change(file.read_bytes()))
     with pytest.raises((UnfinishedRunError, record_file.RecordError), match=rf"\[{code}\]"):
         unfinished(scenario, crash)
 
 
-def test_a_record_that_ends_long_before_the_commands_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_record_that_ends_long_before_the_commands_is_refused(tmp_path: Path) -> None:
     """A full disk ended the record, and later there was room for more evidence."""
-    scenario, crash = dead(tmp_path, monkeypatch, 30.0)
+    scenario, crash = dead(tmp_path, 30.0)
     file = crash.folder / "run.mcap"
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 4])
@@ -285,8 +274,8 @@ def test_a_record_that_ends_long_before_the_commands_is_refused(
     unfinished(scenario, crash).file.close()
 
 
-def test_a_run_that_is_still_flown_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario, crash = dead(tmp_path, monkeypatch, 1.0)
+def test_a_run_that_is_still_flown_is_refused(tmp_path: Path) -> None:
+    scenario, crash = dead(tmp_path, 1.0)
     with (crash.folder / "run.mcap").open("ab") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         with pytest.raises(UnfinishedRunError, match=r"\[still-running\]"):
@@ -297,7 +286,7 @@ def test_a_run_that_is_still_flown_is_refused(tmp_path: Path, monkeypatch: pytes
 def test_what_the_other_program_wrote_until_its_end_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scenario, crash = dead(tmp_path, monkeypatch, 1.0)
+    scenario, crash = dead(tmp_path, 1.0)
     path = crash.folder / "run.mcap"
     whole, lock = path.read_bytes(), record_file.lock
 
@@ -323,15 +312,13 @@ def test_a_run_that_cannot_be_locked_is_refused_but_a_new_flight_begins(
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr(record_file.fcntl, "flock", no_locks)
-    scenario, crash = dead(tmp_path, monkeypatch, 1.0)
+    scenario, crash = dead(tmp_path, 1.0)
     with pytest.raises(UnfinishedRunError, match=r"run\.mcap.*\[no-locks\]"):
         unfinished(scenario, crash)
 
 
-def test_half_a_copy_of_the_earlier_record_is_not_the_last_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scenario, crash = dead(tmp_path, monkeypatch, 1.0)
+def test_half_a_copy_of_the_earlier_record_is_not_the_last_run(tmp_path: Path) -> None:
+    scenario, crash = dead(tmp_path, 1.0)
     stored, found = record_file.read(crash.folder / "run.mcap"), []
 
     def copied() -> Iterator[record_file.StoredMessage]:
@@ -350,9 +337,9 @@ def test_ctrl_c_amid_the_takeover_lets_the_vehicles_go(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenario, presses = pair(), interrupts(monkeypatch)
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(20.0)) as crash:
+    with crashed(scenario, tmp_path / "a", when=at(20.0)) as crash:
         stop = (crash.at_s + 5.5, lambda _fleet: presses[-1]())
-        resumed = resume(scenario, crash, tmp_path / "b", monkeypatch, later=stop)
+        resumed = resume(scenario, crash, tmp_path / "b", later=stop)
     assert resumed.report.ended == "stopped"
     assert {state.phase for state in resumed.report.states.values()} == {"released"}
     assert max(entry["now_s"] for entry in effects(resumed.folder, "Command")) < crash.at_s

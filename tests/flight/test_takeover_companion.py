@@ -7,7 +7,6 @@ import contextlib
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pytest
 from companion_world import Swarm
@@ -15,9 +14,11 @@ from crash_world import STEP_S, Wire
 from flights import small
 
 from sim_vehicle.fleet import Fleet
+from swarmctl.config.scenario import Scenario
 from swarmctl.flight import companion, virtual_simulator
 from swarmctl.flight.run import VIRTUAL_EPOCH_NS
 from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.report import unfinished_run
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.unfinished_run import UnfinishedRun
@@ -31,12 +32,12 @@ class Companions(Swarm):
     wires: dict[int, Wire] = field(default_factory=dict)
     fleets: dict[int, Fleet] = field(default_factory=dict)
 
-    def fleet_of(self, content: Any, **more: Any) -> Wire:
-        (spec,) = content.vehicles
+    async def simulate(self, memory: MemoryWire, scenario: Scenario) -> None:
+        (spec,) = scenario.specs
         if spec.sysid not in self.fleets:
-            self.fleets[spec.sysid] = Fleet(content, **more)
+            self.fleets[spec.sysid] = virtual_simulator.fleet_of(scenario)
         wire = self.wires[spec.sysid] = Wire(self.fleets[spec.sysid], lambda _now, _n: None)
-        return wire
+        await virtual_simulator.serve(memory, wire)
 
     async def fly_on(self, uav: int, until_s: float) -> None:
         """Let a vehicle fly without an agent."""
@@ -68,7 +69,7 @@ def test_the_successor_learns_from_the_record_and_from_its_peers(
 ) -> None:
     scenario = small(simulate={"count": len(UAVS), "ready_s": 3.0})
     companions = Companions(tmp_path, scenario)
-    monkeypatch.setattr(virtual_simulator, "Fleet", companions.fleet_of)
+    monkeypatch.setattr(virtual_simulator, "simulate", companions.simulate)
     run, reports = run_virtual(companions.story())
     first, second = (reports[uav].states[uav] for uav in UAVS)
     assert (first.outcome, second.outcome) == ("arrived", "arrived")

@@ -6,7 +6,6 @@ import asyncio
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 from evidence_files import HOLD
@@ -16,8 +15,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from signed_world import SignedWorld, station
 
 from sim_vehicle.fleet import Fleet
-from swarmctl.flight import virtual_simulator
-from swarmctl.flight.run import VIRTUAL_EPOCH_NS
+from swarmctl.config.scenario import Scenario
+from swarmctl.flight.run import VIRTUAL_EPOCH_NS, FlightOptions
+from swarmctl.flight.virtual_simulator import Frames, fleet_of, serve
 from swarmctl.links.signing import (
     AHEAD,
     LATE,
@@ -30,6 +30,7 @@ from swarmctl.links.signing import (
     Refusals,
     ticks,
 )
+from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.report.evidence.log import FILE_NAME
 from swarmctl.security.mavlink_key import TimestampFile
 
@@ -45,29 +46,30 @@ def forged(sysid: int, key: bytes | None = None, now_s: float = 0.0) -> bytes:
     return bytes(HEARTBEAT.pack(codec))
 
 
-class SigningFleet(Fleet):
+class SigningVehicles:
     """Vehicles with the key, set over USB; from 20 s on other senders use the same link."""
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
+    def __init__(self, fleet: Fleet) -> None:
+        self.sysids, self.receive, self._fleet = fleet.sysids, fleet.receive, fleet
         for sysid in self.sysids:
             codec = station(KEY)
             setup = mavlink.MAVLink_setup_signing_message(sysid, 1, list(KEY), codec.signing.timestamp)
             self.receive(bytes(setup.pack(codec)), 0.0)
         self._second = 20
 
-    def step(self, now: float) -> Any:
-        frames = [*super().step(now)]
+    def step(self, now: float) -> Frames:
+        frames = [*self._fleet.step(now)]
         if now >= self._second:
             self._second += 1
             frames += [(0, forged(1)), (0, forged(99)), (1, forged(2, OTHER, now))]
         return frames
 
 
-def test_a_flight_reports_refused_frames_at_once_every_minute_and_at_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(virtual_simulator, "Fleet", SigningFleet)
+async def simulate(wire: MemoryWire, scenario: Scenario) -> None:
+    await serve(wire, SigningVehicles(fleet_of(scenario)))
+
+
+def test_a_flight_reports_refused_frames_at_once_every_minute_and_at_the_end(tmp_path: Path) -> None:
     key = tmp_path / "swarm.key"
     key.write_text(KEY.hex())
     key.chmod(0o600)
@@ -76,7 +78,7 @@ def test_a_flight_reports_refused_frames_at_once_every_minute_and_at_the_end(
         simulate={"count": 2, "ready_s": 3.0},
     )
     ui = Ui()
-    report = fly(scenario, tmp_path / "run", ui=ui)
+    report = fly(scenario, tmp_path / "run", ui=ui, options=FlightOptions(simulate=simulate))
     assert report.all_arrived
     *reports, end = (line for line in ui.said if "[frames-refused]" in line)
     first = reports[:3]

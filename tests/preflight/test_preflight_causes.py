@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 from flights import Ui, fly, small
-from interruptions import interrupting
 from preflight_facts import FIT
 from rich.console import Console
-from trouble import Trouble, inject
+from trouble import Trouble, interrupting
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.records import replace
@@ -36,18 +35,16 @@ def shown(report: FlightReport) -> str:
     return captured.get()
 
 
-def test_parameters_that_fly_sets_are_no_failure_and_are_set_before_arming(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    inject(Trouble(params={"FENCE_ENABLE": 0.0}), monkeypatch)
+def test_parameters_that_fly_sets_are_no_failure_and_are_set_before_arming(tmp_path: Path) -> None:
+    trouble = Trouble(params={"FENCE_ENABLE": 0.0})
     scenario = one(preflight={"set_parameters": True})
-    report = fly(scenario, tmp_path / "preflight", options=NEVER)
+    report = fly(scenario, tmp_path / "preflight", trouble=trouble, options=NEVER)
     assert report.trouble == ()
     text = shown(report)
     assert "`fly` sets: FENCE_ENABLE 0 → 1" in text
     assert "FAILS" not in text
     ui = Ui()
-    assert fly(scenario, tmp_path / "fly", ui=ui).all_arrived
+    assert fly(scenario, tmp_path / "fly", trouble=trouble, ui=ui).all_arrived
     assert any("FENCE_ENABLE 0 → 1" in line for line in ui.said)
 
 
@@ -60,11 +57,10 @@ def test_parameters_that_fly_sets_are_no_failure_and_are_set_before_arming(
     ],
 )
 def test_a_behaviour_that_plans_do_not_assume_keeps_the_vehicle_on_the_ground(
-    params: dict[str, float], found: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    params: dict[str, float], found: str, tmp_path: Path
 ) -> None:
-    inject(Trouble(params=params), monkeypatch)
     scenario = one(flight={"altitude_m": 15.0})
-    report = fly(scenario, tmp_path)
+    report = fly(scenario, tmp_path, trouble=Trouble(params=params))
     assert any(found in text for text in report.trouble), report.trouble
     assert not report.all_arrived
 
@@ -85,7 +81,7 @@ def test_a_route_beyond_a_full_battery_is_not_cured_by_charging() -> None:
 
 def test_ctrl_c_reports_the_results_so_far(tmp_path: Path) -> None:
     scenario = small(simulate={"count": 1, "ready_s": 60.0})
-    report = fly(scenario, tmp_path, address_of=interrupting(12.0), options=NEVER)
+    report = fly(scenario, tmp_path, trouble=interrupting(12.0), options=NEVER)
     assert report.ended == "stopped"
     found = {c.check: c.finding for c in report.checked["uav1"]}
     assert found["identity"].ok

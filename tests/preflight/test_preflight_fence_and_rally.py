@@ -11,7 +11,7 @@ import pytest
 from flights import Ui, coded, fly, small
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from trouble import OTHER_STATION, Trouble, inject
+from trouble import OTHER_STATION, Trouble
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.vehicle.mission import Item
@@ -75,11 +75,11 @@ FAR_ABOVE_M = 1000.0
 )
 @pytest.mark.autopilots("2 fence use")
 def test_a_fence_with_correct_parameters_is_enforced_before_arming(
-    at_boot: dict[str, float], action: FleetAction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    at_boot: dict[str, float], action: FleetAction, tmp_path: Path
 ) -> None:
     seen: list[Fleet] = []
-    inject(Trouble(params=at_boot, actions=[(0.3, action), (0.4, seen.append)]), monkeypatch)
-    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, options=NEVER)
+    trouble = Trouble(params=at_boot, actions=[(0.3, action), (0.4, seen.append)])
+    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, trouble=trouble, options=NEVER)
     assert failing(report) == {}
     vehicle = seen[0].vehicles[0]
     assert vehicle.params["FENCE_TYPE"] == 5.0
@@ -87,13 +87,10 @@ def test_a_fence_with_correct_parameters_is_enforced_before_arming(
     assert "altitude_max" in vehicle.fence_watch.find(*vehicle.body.lat_lon_deg, FAR_ABOVE_M)
 
 
-def test_a_fence_that_may_not_be_enforced_keeps_the_vehicle_on_the_ground(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fence_that_may_not_be_enforced_keeps_the_vehicle_on_the_ground(tmp_path: Path) -> None:
     command = struct.pack("<H", mavlink.MAV_CMD_DO_FENCE_ENABLE)
     acks = Trouble(loses=lambda _fleet, frame: frame[7:10] == b"\x4d\0\0" and frame[10:12] == command)
-    inject(acks, monkeypatch)
-    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path)
+    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, trouble=acks)
     assert report.ended == "failed"
     ((which, found),) = failing(report).items()
     assert which == ("uav1", "fence")
@@ -101,11 +98,12 @@ def test_a_fence_that_may_not_be_enforced_keeps_the_vehicle_on_the_ground(
     assert not any(state.launch.armed_seen for state in report.states.values())
 
 
-def test_a_waived_fence_is_not_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_waived_fence_is_not_changed(tmp_path: Path) -> None:
     seen: list[Fleet] = []
-    inject(Trouble(params={"FENCE_ENABLE": 0.0}, actions=[(0.4, seen.append)]), monkeypatch)
+    trouble = Trouble(params={"FENCE_ENABLE": 0.0}, actions=[(0.4, seen.append)])
+    scenario = small(simulate={"count": 1, "ready_s": 1.0})
     options = replace(NEVER, waivers=(Waiver("parameters"),))
-    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, options=options)
+    report = fly(scenario, tmp_path, trouble=trouble, options=options)
     assert set(failing(report)) == {("uav1", "parameters")}
     assert not seen[0].vehicles[0].fence_watch.enabled
 
@@ -114,12 +112,10 @@ AUTOPILOTS = pytest.mark.parametrize("autopilot", ["ardupilot", *full_only("px4"
 
 
 @AUTOPILOTS
-def test_rally_points_keep_the_vehicle_on_the_ground(
-    autopilot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    inject(Trouble(actions=[(0.3, puts_rally_points)]), monkeypatch)
+def test_rally_points_keep_the_vehicle_on_the_ground(autopilot: str, tmp_path: Path) -> None:
+    trouble = Trouble(actions=[(0.3, puts_rally_points)])
     swarm = {"count": 2, "ready_s": 1.0, "autopilot": autopilot}
-    report = fly(small(simulate=swarm), tmp_path)
+    report = fly(small(simulate=swarm), tmp_path, trouble=trouble)
     assert failing(report) == {("uav2", "rally"): "2 rally points"}
     (text,) = report.trouble
     assert text.startswith("uav2: rally: ")
@@ -127,24 +123,22 @@ def test_rally_points_keep_the_vehicle_on_the_ground(
     assert not any(state.launch.armed_seen for state in report.states.values())
 
 
-def test_rally_points_may_be_waived(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    inject(Trouble(actions=[(0.3, puts_rally_points)]), monkeypatch)
+def test_rally_points_may_be_waived(tmp_path: Path) -> None:
+    trouble = Trouble(actions=[(0.3, puts_rally_points)])
+    scenario = small(simulate={"count": 2, "ready_s": 1.0})
     options, ui = replace(NEVER, waivers=(Waiver("rally", "uav2"),)), Ui()
-    report = fly(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path, options=options, ui=ui)
+    report = fly(scenario, tmp_path, trouble=trouble, options=options, ui=ui)
     assert report.trouble == ()
     (line,) = coded(ui.said, "uav2", "waived")
     assert line.startswith("uav2: rally: ")
 
 
 @AUTOPILOTS
-def test_a_vehicle_that_does_not_report_its_rally_points_fails(
-    autopilot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_vehicle_that_does_not_report_its_rally_points_fails(autopilot: str, tmp_path: Path) -> None:
     """The other facts are still collected."""
     counts = Trouble(loses=lambda _fleet, frame: frame[7:10] == b"\x2c\0\0" and frame[14:15] == b"\x02")
-    inject(counts, monkeypatch)
     swarm = {"count": 1, "ready_s": 1.0, "autopilot": autopilot}
     ui = Ui()
-    report = fly(small(simulate=swarm), tmp_path, options=NEVER, ui=ui)
+    report = fly(small(simulate=swarm), tmp_path, trouble=counts, options=NEVER, ui=ui)
     assert set(failing(report)) == {("uav1", "rally")}
     assert any(line.startswith("uav1") and "rally points" in line for line in ui.said)

@@ -14,21 +14,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pytest
 from flight_monitor import FlightMonitor, findings
 from flights import Ui
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from random_flights import RandomFlight
 from recorded import effects
-from trouble import Trouble, watched
+from trouble import Trouble, Watched
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.records import replace
 from swarmctl.flight import app, virtual_simulator
 from swarmctl.flight.run import DEFAULT_OPTIONS, VIRTUAL_EPOCH_NS, FlightOptions
-from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.flight.virtual_clock import VirtualTimeLoop
+from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.report import unfinished_run
 from swarmctl.report.outcome import FlightReport
 
@@ -92,23 +91,23 @@ class Wire:
     def __init__(self, fleet: Fleet, on_use: Callable[[float, Sent], None]) -> None:
         self.sysids = fleet.sysids
         self.is_cut = False
-        self._fleet = fleet
+        self.fleet = fleet
         self._on_use = on_use
         self._sent = Sent()
 
     def step(self, now: float) -> Any:
         if self.is_cut:
             return []
-        frames = self._fleet.step(now)
+        frames = self.fleet.step(now)
         self._on_use(now, self._sent)
         return frames
 
     def receive(self, data: bytes, now: float, **more: Any) -> Any:
         if self.is_cut:
             return []
-        answer = self._fleet.receive(data, now, **more)
+        answer = self.fleet.receive(data, now, **more)
         self._sent.messages += 1
-        in_flight = any(vehicle.armed for vehicle in self._fleet.vehicles)
+        in_flight = any(vehicle.armed for vehicle in self.fleet.vehicles)
         self._sent.transfers += in_flight and int.from_bytes(data[7:10], "little") in TRANSFERS
         self._on_use(now, self._sent)
         return [] if self.is_cut else answer
@@ -118,7 +117,6 @@ class Wire:
 def crashed(
     scenario: Scenario,
     folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
     *,
     when: Moment,
     trouble: Trouble | None = None,
@@ -138,22 +136,19 @@ def crashed(
             return
         copied = folder.with_name(f"{folder.name}-crash")
         shutil.copytree(folder, copied)
-        found.append(Crash(now, wires[0]._fleet, copied))
+        found.append(Crash(now, wires[0].fleet, copied))
         wires[0].is_cut = True
         loop.stop()
 
-    def fleet_of(*given: Any, **more: Any) -> Wire:
-        wires.append(Wire(Fleet(*given, **more) if earlier is None else earlier.fleet, on_use))
-        return wires[0]
+    async def simulate(memory: MemoryWire, scenario: Scenario) -> None:
+        fleet = (trouble or Trouble()).fleet_of(scenario) if earlier is None else earlier.fleet
+        wires.append(Wire(fleet, on_use))
+        await virtual_simulator.serve(memory, wires[0])
 
-    scenario_json, added = virtual_simulator.scenario_json, (trouble or Trouble()).added_to
     folder.mkdir(parents=True)
-    with monkeypatch.context() as patched:
-        patched.setattr(virtual_simulator, "Fleet", fleet_of)
-        patched.setattr(virtual_simulator, "scenario_json", lambda s: added(scenario_json(s)))
-        flight = loop.create_task(_fly(scenario, folder, Ui(), options))
-        flight.add_done_callback(lambda _: loop.stop())
-        loop.run_forever()
+    flight = loop.create_task(_fly(scenario, folder, Ui(), replace(options, simulate=simulate)))
+    flight.add_done_callback(lambda _: loop.stop())
+    loop.run_forever()
     try:
         assert found, "the flight ended before its crash"
         yield found[0]
@@ -169,12 +164,10 @@ def resume(
     scenario: Scenario,
     crash: Crash,
     folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
     *,
     outage_s: float = 5.0,
     meanwhile: Meanwhile = lambda _fleet, _now: None,
     later: tuple[float, Callable[[Fleet], None]] | None = None,
-    address_of: AddressOf = undisturbed,
     permission: Any = lambda _external: None,
 ) -> Resumed:
     """Let the vehicles fly on alone, then go on with a new station. `meanwhile` acts amid the outage.
@@ -189,14 +182,14 @@ def resume(
     loop, ui = VirtualTimeLoop(), Ui()
     loop.advance(crash.at_s)
 
-    crash.fleet.__class__ = watched(monitor.drawn.trouble)
+    async def simulate(wire: MemoryWire, _scenario: Scenario) -> None:
+        await virtual_simulator.serve(wire, Watched(crash.fleet, monitor.drawn.trouble))
+
     folder.mkdir(parents=True)
     run = unfinished(scenario, crash)
-    with monkeypatch.context() as patched, run.file:
-        patched.setattr(virtual_simulator, "Fleet", lambda *_, **__: crash.fleet)
-        options = replace(DEFAULT_OPTIONS, resumes=run)
-        with asyncio.Runner(loop_factory=lambda: loop) as runner:
-            report = runner.run(_fly(scenario, folder, ui, options, address_of, permission))
+    options = replace(DEFAULT_OPTIONS, resumes=run, simulate=simulate)
+    with run.file, asyncio.Runner(loop_factory=lambda: loop) as runner:
+        report = runner.run(_fly(scenario, folder, ui, options, permission))
     if report.bug is not None:
         raise report.bug
     return Resumed(report, ui, folder, monitor)
@@ -221,7 +214,6 @@ async def _fly(
     folder: Path,
     ui: Ui,
     options: FlightOptions,
-    address_of: AddressOf = undisturbed,
     permission: Any = lambda _external: None,
 ) -> FlightReport:
     return await app.fly(
@@ -230,7 +222,6 @@ async def _fly(
         ui,
         clock="virtual",
         permission=permission,
-        address_of=address_of,
         options=options,
     )
 

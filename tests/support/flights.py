@@ -8,15 +8,17 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from trouble import Trouble
+
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.core.messages import Request
+from swarmctl.core.records import replace
 from swarmctl.flight import app
 from swarmctl.flight.run import DEFAULT_OPTIONS, FlightOptions
-from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import outputs
@@ -93,7 +95,7 @@ def fly(
     scenario: Scenario,
     folder: Path,
     *,
-    address_of: AddressOf = undisturbed,
+    trouble: Trouble | None = None,
     ui: Ui | None = None,
     broken: bool = False,
     options: FlightOptions = DEFAULT_OPTIONS,
@@ -105,6 +107,8 @@ def fly(
     `beside`: actions of an operator, from the start of the flight on.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    if trouble is not None:
+        options = replace(options, simulate=trouble.simulate)
 
     async def scene() -> FlightReport:
         flight = asyncio.create_task(
@@ -114,7 +118,6 @@ def fly(
                 ui or Ui(),
                 clock="virtual",
                 permission=lambda foreign: None,
-                address_of=address_of,
                 bus=bus,
                 options=options,
             )
@@ -131,7 +134,11 @@ def fly(
 
 
 def fly_with_commands(
-    scenario: Scenario, folder: Path, *given: tuple[float, Request], ui: Ui | None = None
+    scenario: Scenario,
+    folder: Path,
+    *given: tuple[float, Request],
+    trouble: Trouble | None = None,
+    ui: Ui | None = None,
 ) -> tuple[FlightReport, list[Answers]]:
     """Fly as `fly` does; an operator gives commands at these times [s], in order. Return the answers too."""
     bus = MemoryBus()
@@ -142,4 +149,4 @@ def fly_with_commands(
             await asyncio.sleep(at_s - asyncio.get_running_loop().time())
             answers.append(await commands.ask(bus, STATION, command))
 
-    return fly(scenario, folder, ui=ui, bus=bus, beside=operate), answers
+    return fly(scenario, folder, trouble=trouble, ui=ui, bus=bus, beside=operate), answers

@@ -55,7 +55,6 @@ class RandomFlight:
     def at(self, at_s: float, text: str, action: Callable[[Fleet], None]) -> None:
         self.story.append(f"{at_s:.1f} s: {text}")
         self.trouble.actions.append((at_s, action))
-        self.trouble.actions.sort(key=lambda timed: timed[0])
 
 
 def draw(seed: int) -> RandomFlight:
