@@ -6,8 +6,17 @@ import math
 from typing import Any
 
 import pytest
-from agent_stories import AMSL_M, GRID, MID_M, codes, intent_path, operator_texts, orders, publications
-from collision_stories import ApproachStory
+from agent_stories import (
+    AMSL_M,
+    GRID,
+    MID_M,
+    ApproachStory,
+    codes,
+    intent_path,
+    operator_texts,
+    orders,
+    publications,
+)
 from msgspec import structs
 
 from swarmctl.agent.failsafes.base import Fence

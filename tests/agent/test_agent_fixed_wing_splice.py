@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from wings_flights import winged
+from flights import winged
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from agent_stories import AMSL_M, MID_M, codes, intent_path, orders
-from collision_stories import ApproachStory
+from agent_stories import AMSL_M, MID_M, ApproachStory, codes, intent_path, orders
 
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared

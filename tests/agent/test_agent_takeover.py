@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from agent_stories import GRID, MID_M, Story, orders, publications, swaps
-from collision_stories import ApproachStory
+from agent_stories import GRID, MID_M, ApproachStory, Story, orders, publications, swaps
 
 from swarmctl.agent.phases import Phase
 from swarmctl.core import events as ev

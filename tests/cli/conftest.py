@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from cli_flight import SMALL, CliFlight, fly
+from swarmctl_process import SMALL, CliFlight, fly
 
 
 @pytest.fixture(scope="session")

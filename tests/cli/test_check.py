@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli_runner import swarmctl
+from swarmctl_process import swarmctl
 
 TWO = """\
 name: two

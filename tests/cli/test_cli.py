@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_flight import CliFlight
-from cli_runner import SHIPPED, swarmctl
 from profiles import examples
 from recorded import of_another_format, rewrite
+from swarmctl_process import SHIPPED, CliFlight, swarmctl
 
 from swarmctl.agent.formation.approaches import APPROACHES
 

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli_runner import SHIPPED, swarmctl
 from flights import AREA
 from flights import small as small_swarm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
+from swarmctl_process import SHIPPED, swarmctl
 
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.config.scenario import Scenario

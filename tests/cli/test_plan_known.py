@@ -6,8 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from cli_flight import SMALL, CliFlight
-from cli_runner import swarmctl
+from swarmctl_process import SMALL, CliFlight, swarmctl
 
 
 @pytest.fixture

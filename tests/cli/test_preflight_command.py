@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from cli_runner import swarmctl
+from swarmctl_process import swarmctl
 
 pytestmark = pytest.mark.virtual
 

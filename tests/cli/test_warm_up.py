@@ -9,9 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli_flight import CliFlight, fly
 from rich.console import Console
-from swarmctl_process import SWARMCTL
+from swarmctl_process import SWARMCTL, CliFlight, fly
 
 from swarmctl.cli import machine_code
 from swarmctl.config.model import Config

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli_runner import SHIPPED, swarmctl
+from swarmctl_process import SHIPPED, swarmctl
 
 from swarmctl.cli.console import OK, USAGE
 

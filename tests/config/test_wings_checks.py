@@ -6,8 +6,8 @@ import json
 from typing import Any
 
 import pytest
+from flights import winged, winged_config
 from pydantic import ValidationError
-from wings_flights import winged, winged_config
 
 from swarmctl.config.checks import check_config
 from swarmctl.config.model import Config

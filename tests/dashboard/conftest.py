@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from dashboard_process import StartDashboard
-from swarmctl_process import started
+from swarmctl_process import StartDashboard, started
 
 CHROMIUM = shutil.which("chromium")
 LONGEST_WAIT_S = 90.0

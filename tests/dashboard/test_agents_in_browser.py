@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from dashboard_process import StartDashboard, address_of
-from swarmctl_process import read_until
+from swarmctl_process import StartDashboard, address_of, read_until
 from swarmctl_process import run as run_swarmctl
 from zenoh_nodes import free_port
 

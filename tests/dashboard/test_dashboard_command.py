@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runner import swarmctl
-from dashboard_process import StartDashboard, address_of
 from flights import small
+from swarmctl_process import StartDashboard, address_of, swarmctl
 
 from swarmctl.core.messages import GiveOrder
 from swarmctl.dashboard import server

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from dashboard_process import StartDashboard, address_of
-from swarmctl_process import read_until
+from swarmctl_process import StartDashboard, address_of, read_until
 
 pytestmark = pytest.mark.interop
 OVER = "the flight is over"

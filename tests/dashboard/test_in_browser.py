@@ -11,9 +11,9 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from dashboard_process import StartDashboard, address_of, addresses_of, await_facts
 from flights import fly, small
 from map_tiles import mbtiles
+from swarmctl_process import StartDashboard, address_of, addresses_of, await_facts
 
 from swarmctl.dashboard.server import MAX_MESSAGE_BYTES
 from swarmctl.report.record import record_path

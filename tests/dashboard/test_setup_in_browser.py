@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from dashboard_process import StartDashboard, address_of
 from simulator_process import free_udp_port
-from swarmctl_process import read_until
+from swarmctl_process import StartDashboard, address_of, read_until
 
 from swarmctl.config.model import load
 

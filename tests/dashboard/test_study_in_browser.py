@@ -8,7 +8,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from dashboard_process import StartDashboard, address_of, await_facts
+from swarmctl_process import StartDashboard, address_of, await_facts
 from swarmctl_process import run as run_swarmctl
 
 pytestmark = pytest.mark.interop

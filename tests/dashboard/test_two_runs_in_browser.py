@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from dashboard_process import StartDashboard, address_of, await_facts
 from flights import fly, small
+from swarmctl_process import StartDashboard, address_of, await_facts
 from swarmctl_process import run as run_swarmctl
 
 pytestmark = pytest.mark.interop

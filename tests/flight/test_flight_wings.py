@@ -7,11 +7,10 @@ import re
 from pathlib import Path
 
 import pytest
-from flights import Ui, fly
+from flights import Ui, away_m, fly, winged
 from profiles import full_only
 from recorded import first_heartbeats
 from trouble import Trouble, interrupting
-from wings_flights import away_m, winged
 
 from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
 from swarmctl.config import model

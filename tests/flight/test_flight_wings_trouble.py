@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flights import Ui, coded, fly
+from flights import Ui, away_m, coded, fly, winged
 from trouble import outage, sagging
-from wings_flights import away_m, winged
 
 from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
 from swarmctl.config.scenario import Scenario

@@ -6,9 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from cli_runner import swarmctl
 from simulator_process import free_udp_port, simulator
-from swarmctl_process import read_until, run, started
+from swarmctl_process import read_until, run, started, swarmctl
 
 from swarmctl.report.unfinished_run import CONTINUED
 

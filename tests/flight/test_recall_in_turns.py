@@ -6,16 +6,18 @@ import asyncio
 import json
 import re
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import pytest
 from agent_stories import Story, answers, orders
 from companion_world import STATION, Swarm
-from flights import FaultyUi, coded, fly, fly_with_commands
-from recall_stories import ReturnMonitor, gathering, landing_together
+from flights import FaultyUi, coded, fly, fly_with_commands, small
 from trouble import Trouble, interrupting, interrupts, select_mode
 
+from sim_vehicle.truth import Truth
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.phases import Phase
@@ -25,6 +27,7 @@ from swarmctl.agent.traffic.wait import Wait, WaitFor
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
+from swarmctl.core.geo import distance_m
 from swarmctl.core.messages import GiveOrder, VehicleAnswer
 from swarmctl.core.records import replace
 from swarmctl.flight import virtual_simulator
@@ -109,6 +112,40 @@ def test_a_repeated_order_changes_nothing(order: FlightOrder) -> None:
 
 
 # --- whole swarms
+
+
+def gathering(**sections: object) -> Scenario:
+    """Return a swarm of three vehicles with one goal.
+
+    From 47 s to 55 s two of them may return at once, and the vehicle between them afterwards.
+    """
+    return small(simulate={"count": 3, "ready_s": 3.0, "goal": [4, 7]}, **sections)
+
+
+def landing_together() -> Scenario:
+    """Return a swarm of two vehicles with one goal, 6 m apart in height, that lands when it is stopped."""
+    return small(
+        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
+        threats={"count": 0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 6.0, "on_exit": "land", "on_exit_deadline_s": 200.0},
+    )
+
+
+@dataclass
+class ReturnMonitor:
+    """The start times of returns, and the least horizontal distance between returning vehicles."""
+
+    since_s: dict[int, float] = field(default_factory=dict)
+    least_m: float = float("inf")
+
+    def __call__(self, now: float, truth: Truth) -> None:
+        returning = []
+        for index, mode in enumerate(truth.mode):
+            if mode == "RTL" and truth.armed[index]:
+                self.since_s.setdefault(int(truth.sysid[index]), now)
+                returning.append((float(truth.lat_deg[index]), float(truth.lon_deg[index])))
+        near = (distance_m(one, other) for one, other in combinations(returning, 2))
+        self.least_m = min((self.least_m, *near))
 
 
 def outcomes(answer: Answers) -> list[str]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from flights import fly_with_commands, small
-from wings_flights import winged
+from flights import fly_with_commands, small, winged
 
 from swarmctl.agent.state import ARRIVED
 from swarmctl.config.scenario import Scenario

@@ -11,12 +11,11 @@ from typing import BinaryIO
 
 import pytest
 from crash_world import Crash, Meanwhile, Moment, crashed, drift, lost_observations, resume, unfinished
-from flights import AREA, coded, small
+from flights import AREA, coded, small, winged
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recorded import effects, events
 from trouble import MODES, Trouble, another_station_sends, interrupts, mode_message
 from trouble import select_mode as select
-from wings_flights import winged
 
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet

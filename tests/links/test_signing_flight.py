@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 from evidence_files import HOLD
-from link_world import connected, flying, play, until, uploaded
+from link_world import KEY, SignedWorld, connected, flying, play, signing_codec, until, uploaded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from signed_world import KEY, SignedWorld, station
 
 from swarmctl.core.events import LinkLost
 from swarmctl.core.setpoint import SetPoint
@@ -28,7 +27,7 @@ def test_pymavlink_verifies_all_frames_of_a_signed_flight_both_ways(tmp_path: Pa
             assert world.front.refusal_summary == ""
             sent = [frame for frame, _ in world.to_vehicles]
             for frames in (sent, world.from_vehicles, world.watching.frames):
-                receiver = station()
+                receiver = signing_codec()
                 messages = [m for frame in frames for m in receiver.parse_buffer(frame)]
                 assert len(messages) == len(frames) > 50
                 assert receiver.signing.goodsig_count == len(frames)
@@ -116,7 +115,7 @@ def test_commands_of_another_station_need_the_key_too(tmp_path: Path, key: bytes
             await world.forward(commands=True)
             link = await connected(world)
             await asyncio.sleep(10)
-            world.watching.say(HOLD, station(key))
+            world.watching.say(HOLD, signing_codec(key))
             await asyncio.sleep(5)
             assert link.state().mode == {4: "GUIDED", 0: "STABILIZE"}[mode]
             assert (OTHER_KEY in world.front.refusal_summary) == (key != KEY)
@@ -137,7 +136,7 @@ def test_signed_set_points_are_followed(tmp_path: Path) -> None:
             assert link.state().east_m_s == pytest.approx(4.0, abs=0.2)
             number = mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT.to_bytes(3, "little")
             frames = [frame for frame, _ in world.to_vehicles[sent:] if frame[7:10] == number]
-            receiver = station()
+            receiver = signing_codec()
             messages = [m for frame in frames for m in receiver.parse_buffer(frame)]
             assert len(messages) == receiver.signing.goodsig_count == 100
 

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 from evidence_files import HOLD
 from flights import Ui, fly, small
-from link_world import play
+from link_world import SignedWorld, play, signing_codec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from signed_world import SignedWorld, station
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
@@ -52,7 +51,7 @@ class SigningVehicles:
     def __init__(self, fleet: Fleet) -> None:
         self.sysids, self.receive, self._fleet = fleet.sysids, fleet.receive, fleet
         for sysid in self.sysids:
-            codec = station(KEY)
+            codec = signing_codec(KEY)
             setup = mavlink.MAVLink_setup_signing_message(sysid, 1, list(KEY), codec.signing.timestamp)
             self.receive(bytes(setup.pack(codec)), 0.0)
         self._second = 20
@@ -133,7 +132,7 @@ def test_a_refused_station_is_reported(tmp_path: Path) -> None:
             await world.forward(commands=True)
             await world.link().connect(10)
             for key in (OTHER, OTHER, OTHER, KEY):
-                world.watching.say(HOLD, station(key))
+                world.watching.say(HOLD, signing_codec(key))
             await asyncio.sleep(1.0)
             (report,) = [line for line in world.said if "[frames-refused]" in line]
             assert all(value in report for value in (OTHER_KEY, "(1 ", "system 252", "memory:watcher"))

@@ -7,8 +7,20 @@ import pytest
 from profiles import full_only
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from setpoint_messages import BODY, BODY_OFFSET, LOCAL, OFFSET, setpoint
-from station import Station, airborne_plane, item, place_m, station_of, takeoff, waypoint
+from station import (
+    BODY,
+    BODY_OFFSET,
+    LOCAL,
+    OFFSET,
+    Station,
+    airborne_plane,
+    item,
+    place_m,
+    setpoint,
+    station_of,
+    takeoff,
+    waypoint,
+)
 
 from sim_vehicle.station.messages import command_long
 

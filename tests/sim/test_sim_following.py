@@ -6,8 +6,19 @@ from typing import Any
 import pytest
 from px4_station import AUTO, HOLD, OFFBOARD, POSITION, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from setpoint_messages import BODY, BODY_FRD, BODY_OFFSET, NONE, OFFSET, setpoint
-from station import ALT_M, LAT_DEG, LON_DEG, Station, place_m
+from station import (
+    ALT_M,
+    BODY,
+    BODY_FRD,
+    BODY_OFFSET,
+    LAT_DEG,
+    LON_DEG,
+    NONE,
+    OFFSET,
+    Station,
+    place_m,
+    setpoint,
+)
 
 RELATIVE, ABSOLUTE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, mavlink.MAV_FRAME_GLOBAL_INT
 FLOAT_RELATIVE, TERRAIN = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT

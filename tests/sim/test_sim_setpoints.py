@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 from px4_station import OFFBOARD, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from setpoint_messages import setpoint
-from station import Station
+from station import Station, setpoint
 
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 HOVER = 0.5

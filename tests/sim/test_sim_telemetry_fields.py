@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from setpoint_messages import setpoint
-from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, station_of, takeoff, waypoint
+from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, setpoint, station_of, takeoff, waypoint
 
 from sim_vehicle.station.messages import command_long
 

@@ -13,8 +13,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
-from cli_runner import swarmctl
 from study_experiments import experiment_file
+from swarmctl_process import swarmctl
 
 from swarmctl.study.cluster import ClusterError, Workers, local_workers, workers_of
 

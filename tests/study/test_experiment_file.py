@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli_runner import ROOT, SHIPPED
 from study_experiments import experiment_file, small_experiment
+from swarmctl_process import ROOT, SHIPPED
 
 from swarmctl.config.problems import ConfigError
 from swarmctl.study.experiment import load_experiment

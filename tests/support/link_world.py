@@ -16,14 +16,17 @@ from sim_vehicle.scenarios import Scenario
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links import LINKS
 from swarmctl.links.frontend import FrontEnd
-from swarmctl.links.signing import Signing
+from swarmctl.links.signing import TICKS_PER_S, Signing, ticks
 from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint
+from swarmctl.security.mavlink_key import TimestampFile
 
 WIRE, WATCHER = Endpoint("memory", "test"), Endpoint("memory", "watcher")
 BEGAN_US = 1_767_225_600_000_000
 HURRY = 25.0
 """speed-up: seconds of a copter's time in one second of the machine's clock"""
+KEY, KEY_AGE_S = bytes(range(32)), 60
+"""key of `SignedWorld`, and its age [s]: the vehicle's time stamps begin after that of the key"""
 SHORTEST_SLEEP_S = 0.005
 """least time of the event loop between two steps, so that a busy machine keeps up [s]"""
 
@@ -162,6 +165,33 @@ class World:
         with contextlib.suppress(asyncio.CancelledError):
             await self._task
         await self.front.close()
+
+
+class SignedWorld(World):
+    """A simulated copter with a key, and a ground station with the same key, another key or no key."""
+
+    key = KEY
+
+    def __init__(self, folder: Path, *, key: bytes | None = KEY, behind_s: int = 0) -> None:
+        self.signing = None if key is None else Signing(key, TimestampFile(folder / "key"))
+        super().__init__("ardupilot", signing=self.signing)
+        self.give_key(KEY, ticks(BEGAN_US) - (KEY_AGE_S + behind_s) * TICKS_PER_S)
+
+    def give_key(self, key: bytes, timestamp: int) -> None:
+        """Give the vehicle a key, as Mission Planner does over USB; all zeros take it away."""
+        codec = signing_codec(self.key)
+        codec.signing.timestamp = ticks(BEGAN_US)
+        message = mavlink.MAVLink_setup_signing_message(1, 1, list(key), timestamp)
+        self.fleet.receive(bytes(message.pack(codec)), 0.0)
+        self.key = key
+
+
+def signing_codec(key: bytes = KEY) -> mavlink.MAVLink:
+    codec = mavlink.MAVLink(None, srcSystem=252, srcComponent=190)
+    codec.robust_parsing = True
+    codec.signing.secret_key, codec.signing.sign_outgoing = key, True
+    codec.signing.timestamp, codec.signing.link_id = ticks(BEGAN_US), 9
+    return codec
 
 
 def fleet_of(*personalities: str, first: int = 1, ready_s: float = 3.0) -> Fleet:

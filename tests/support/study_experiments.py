@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from cli_runner import SHIPPED
+from swarmctl_process import SHIPPED
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.study.experiment import Experiment, load_experiment

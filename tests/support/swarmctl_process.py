@@ -1,16 +1,32 @@
-"""The program as a process."""
+"""The program: its command line in this process, or the program as a process of its own."""
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+from typer.testing import CliRunner, Result
+
+from swarmctl.cli.main import cli
 
 ROOT = Path(__file__).parents[2]
+SHIPPED = ROOT / "configs" / "swarm.yaml"
 PROGRAM = "from swarmctl.cli.entry import main; main()"
 SWARMCTL = [sys.executable, "-c", PROGRAM]
+
+
+def swarmctl(*words: str | Path) -> Result:
+    """Run the command line in this process."""
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+# -- a process ---------------------------------------------------------------------------------------------
 
 
 def run(
@@ -50,3 +66,61 @@ def read_until(process: subprocess.Popen[str], text: str) -> list[str]:
         if text in line:
             return lines
     raise AssertionError(f"it ended without saying {text!r}:\n" + "\n".join(lines))
+
+
+# -- a flight by the command line, for all tests that read its files -----------------------------------------
+
+SMALL = """\
+name: small
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+simulate: {count: 2, ready_s: 3.0}
+"""
+NAMES_COMPILERS = (
+    "import sys\nfrom swarmctl.cli.main import cli\n"
+    "try: cli(sys.argv[1:])\nexcept SystemExit as ended: assert not ended.code, ended.code\n"
+    "print(*(name for name in ('numba', 'llvmlite') if name in sys.modules))"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CliFlight:
+    run: Path
+    """run folder"""
+    output: str
+    compilers: list[str]
+    """modules of the compiler that the process has loaded"""
+
+
+def fly(folder: Path, *words: str | Path) -> CliFlight:
+    """Fly on the virtual clock; `words` select the configuration."""
+    out = folder / "runs"
+    words = ("fly", "--clock", "virtual", "--out", out, *words)
+    done = run(*words, cwd=None, timeout_s=300.0, program=NAMES_COMPILERS)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (run_folder,) = out.iterdir()
+    *lines, compilers = done.stdout.splitlines()
+    return CliFlight(run_folder, "\n".join(lines), compilers.split())
+
+
+# -- a command with a dashboard ------------------------------------------------------------------------------
+
+StartDashboard = Callable[..., subprocess.Popen[str]]
+"""from the words of a command, and `cwd`, to its process"""
+
+
+def address_of(process: subprocess.Popen[str]) -> str:
+    """Wait until a process prints the address of its dashboard, and return it."""
+    (address,) = addresses_of(process, 1)
+    return address
+
+
+def addresses_of(process: subprocess.Popen[str], n: int) -> list[str]:
+    """Wait until a process prints several addresses of its dashboard, and return them."""
+    return [re.findall(r"https?://\S+", read_until(process, "token=")[-1])[0] for _ in range(n)]
+
+
+def await_facts(card: Any, cells: int, facts: Mapping[str, Any]) -> None:
+    """Wait until a vehicle's card shows its known cells, and the facts of its summary or result."""
+    card.filter(has_text=f"known cells: {cells}, known hostiles: {facts['hostiles_known']}").wait_for()
+    card.filter(has_text=f"changes of route: {facts['replans']}, strikes: {facts['strikes']}").wait_for()
