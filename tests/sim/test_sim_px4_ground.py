@@ -252,7 +252,7 @@ def test_every_integer_is_stored_exactly(number: int) -> None:
     message = mavlink.MAVLink_param_set_message(1, 1, b"COM_FLTMODE1", 0.0, mavlink.MAV_PARAM_TYPE_INT32)
     # The value is the first field of the payload; a float variable would not keep every pattern.
     payload = wire + bytes(message.pack(station.codec)[14:-2])
-    station._take(station.fleet.receive(message._pack(station.codec, message.crc_extra, payload), 0.0))
+    station.send_bytes(message._pack(station.codec, message.crc_extra, payload))
     assert wire.rstrip(b"\0") in station.raw[before:]
 
 

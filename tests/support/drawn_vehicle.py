@@ -21,7 +21,7 @@ from swarmctl.mavlink.dialects.ardupilot import ArduCopter
 from swarmctl.mavlink.dialects.arduplane import ArduPlane
 from swarmctl.mavlink.dialects.px4 import Px4Copter
 from swarmctl.mavlink.dialects.px4plane import Px4Plane
-from swarmctl.mavlink.protocol.command import CommandOutcome, CommandResult, SetCurrent
+from swarmctl.mavlink.protocol.command import CommandOutcome, CommandResult
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.protocol.mission_append import Append, AppendResult
 from swarmctl.mavlink.protocol.mission_download import Download, DownloadOutcome, DownloadResult
@@ -34,6 +34,8 @@ START = FRAME.to_geodetic(0.0, 0.0)
 OLD = ((0.0, 0.0), (0.0, 200.0), (150.0, 200.0), (150.0, 600.0))
 DIALECTS = (ArduCopter(), Px4Copter(), ArduCopter(), Px4Copter(), ArduPlane(), Px4Plane())
 SPEED_M_S = 8.0
+OTHER_MESSAGE = mavlink.MAVLink_statustext_message(6, b"", 0, 0)
+"""a message that no conversation waits for, after which each looks again"""
 SHARES = (0.0, 0.02, 0.1, 0.3)
 """shares of mishaps and of failures, of which each vehicle draws one"""
 
@@ -193,23 +195,30 @@ class DrawnVehicle:
         return self.draw.random() >= self.failures
 
     def wait(self, conversation: Any) -> bool:
+        now = self.context.now
+        messages = conversation.start(now)
         for _ in range(self.draw.randint(1, 4)):
-            if not isinstance(conversation, RequestUntil) and conversation._condition():
+            conversation.receive(OTHER_MESSAGE, now)
+            if conversation.result:
                 return True
             self.fly(self.draw.choice((0.1, 0.5, 2.0)))
-        counts = getattr(conversation, "_counts", lambda: True)
-        return bool(counts() and conversation._condition())
+        if isinstance(conversation, RequestUntil):
+            conversation.receive(mavlink.MAVLink_message(int(messages[0].param1), ""), now)
+        while conversation.result is None:
+            conversation.tick(conversation.next_deadline)
+        return bool(conversation.result)
 
     def command(self, conversation: Any) -> CommandResult:
+        (message,) = conversation.start(self.context.now)
         self.fly(self.draw.choice((0.05, 0.3, 1.5)))
         if self.usually():
-            if isinstance(conversation, SetCurrent):
-                self.change(mission_seq=conversation._seq)
-            elif conversation._command == mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
-                self.change(mission_seq=int(conversation._message.param1))
-            elif conversation._command == mavlink.MAV_CMD_DO_SET_MODE:
+            if message.get_type() == "MISSION_SET_CURRENT":
+                self.change(mission_seq=message.seq)
+            elif message.command == mavlink.MAV_CMD_DO_SET_MISSION_CURRENT:
+                self.change(mission_seq=int(message.param1))
+            elif message.command == mavlink.MAV_CMD_DO_SET_MODE:
                 _, *wanted = self.dialect.mode_params(self.dialect.hold_mode)
-                sent = [conversation._message.param2, conversation._message.param3][: len(wanted)]
+                sent = [message.param2, message.param3][: len(wanted)]
                 self.change(mode=self.dialect.hold_mode if sent == wanted else self.dialect.mission_mode)
         outcome = CommandOutcome.ACCEPTED if self.usually() else self.draw.choice(list(CommandOutcome))
         return CommandResult(outcome, "the command")
@@ -230,13 +239,13 @@ class DrawnVehicle:
     def append(self, conversation: Any) -> AppendResult:
         self.fly(self.draw.choice((0.2, 1.0, 4.0)))
         round_trip_s = self.draw.choice((0.1, 0.5, 3.0))
-        before = self.stored[: conversation._n_before]
-        if conversation._too_late(round_trip_s):
-            self.stored = before + conversation._items[: self.draw.randint(0, 2)]
+        before = self.stored[: conversation.n_before]
+        if conversation.too_late(round_trip_s):
+            self.stored = before + conversation.items[: self.draw.randint(0, 2)]
             return AppendResult("too late", round_trip_s, is_late=True)
         if not self.usually():
             return AppendResult("not appended", round_trip_s, is_foreign=self.draw.random() < 0.5)
-        self.stored = before + conversation._items
+        self.stored = before + conversation.items
         return AppendResult(None, round_trip_s)
 
     def download(self, conversation: Any) -> DownloadResult:

@@ -122,8 +122,11 @@ class Station:
 
     def send(self, message: Any) -> list[Any]:
         """Send a message; return the immediate answers."""
+        return self.send_bytes(message.pack(self.codec))
+
+    def send_bytes(self, data: bytes) -> list[Any]:
         before = len(self.received)
-        self._take(self.fleet.receive(message.pack(self.codec), self.now))
+        self._take(self.fleet.receive(data, self.now))
         return self.received[before:]
 
     def wait(self, seconds: float) -> list[Any]:

@@ -74,9 +74,9 @@ class Append(MissionTransfer[AppendResult]):
         too_late: Callable[[float], bool] = lambda _round_trip_s: False,
     ) -> None:
         super().__init__(peer)
-        self._too_late = too_late
-        self._n_before = count
-        self._items = tuple(items)
+        self.too_late = too_late
+        self.n_before = count
+        self.items = tuple(items)
         self._n_stored = 0
         """items believed stored"""
         self._n_stored_max = 0
@@ -111,18 +111,18 @@ class Append(MissionTransfer[AppendResult]):
         return self._send_window(now)
 
     def _send_window(self, now: float) -> list[Message]:
-        if self._too_late(self._round_trip_s):
-            stored = f"only {self._n_stored} of {len(self._items)} items were stored in time"
+        if self.too_late(self._round_trip_s):
+            stored = f"only {self._n_stored} of {len(self.items)} items were stored in time"
             return self._end(stored, is_late=True)
         self.next_deadline = min(now + self._quiet_s, self._stuck_at)
         window = WINDOW if self._copies == 1 else 2 * WINDOW // self._copies
-        first, self._n_sent = self._n_sent, min(max(self._n_stored + window, self._n_sent), len(self._items))
+        first, self._n_sent = self._n_sent, min(max(self._n_stored + window, self._n_sent), len(self.items))
         to = (self._peer.sysid, self._peer.compid)
         messages: list[Message] = []
         for index in range(first, self._n_sent):
-            seq = self._n_before + index
+            seq = self.n_before + index
             announcement = mavlink.MAVLink_mission_write_partial_list_message(*to, seq, seq, MISSION)
-            item = item_message(self._peer, seq, self._items[index])
+            item = item_message(self._peer, seq, self.items[index])
             messages += [*[announcement] * self._copies, *[item] * self._copies]
         return messages
 
@@ -132,7 +132,7 @@ class Append(MissionTransfer[AppendResult]):
             return self._on_ack(int(message.type), now)
         if kind == "MISSION_COUNT":
             return self._on_count(int(message.count), now)
-        return self._on_request(int(message.seq) - self._n_before, now)
+        return self._on_request(int(message.seq) - self.n_before, now)
 
     def _on_answer(self, now: float) -> None:
         """Store the round-trip time and postpone the next deadline."""
@@ -155,7 +155,7 @@ class Append(MissionTransfer[AppendResult]):
         if index not in self._requested and not self._has_refused:
             self._requested.add(index)
             return []  # the item is under way
-        return [item_message(self._peer, self._n_before + index, self._items[index])]
+        return [item_message(self._peer, self.n_before + index, self.items[index])]
 
     def _on_ack(self, code: int, now: float) -> list[Message]:
         if code == mavlink.MAV_MISSION_ACCEPTED:
@@ -163,7 +163,7 @@ class Append(MissionTransfer[AppendResult]):
                 return []  # from an earlier transfer
             self._on_answer(now)
             self._set_stored(self._n_stored + 1, now)
-            if self._n_stored == len(self._items):
+            if self._n_stored == len(self.items):
                 # The vehicle may acknowledge two copies of one item.
                 return self._end(None) if self._copies == 1 else self._request_count()
             return [] if self._has_refused else self._send_window(now)
@@ -183,7 +183,7 @@ class Append(MissionTransfer[AppendResult]):
             if self.state is not ConversationState.WAITING:
                 self._last_nack = name
         else:
-            return self._end(f"{name} after {self._n_stored} of {len(self._items)} items")
+            return self._end(f"{name} after {self._n_stored} of {len(self.items)} items")
         return []
 
     def _on_count(self, count: int, now: float) -> list[Message]:
@@ -191,14 +191,14 @@ class Append(MissionTransfer[AppendResult]):
         if not self._awaits_count:
             return []
         self._on_answer(now)
-        stored = count - self._n_before
-        if not 0 <= stored <= len(self._items):
+        stored = count - self.n_before
+        if not 0 <= stored <= len(self.items):
             # Fewer items: another station's mission. More: perhaps late copies from an earlier append.
-            expected = f"{self._n_before} to {self._n_before + len(self._items)}"
+            expected = f"{self.n_before} to {self.n_before + len(self.items)}"
             reason = f"the vehicle stores {count} items, expected {expected} [mission-changed]"
             return self._end(reason, is_foreign=stored < 0)
         self._set_stored(stored, now)
-        if stored == len(self._items):
+        if stored == len(self.items):
             return self._end(None)
         if stored == 0 and self._n_bursts >= self.MAX_BURSTS:
             return self._end(f"the vehicle does not support partial lists{self._last_nack_text} [no-append]")
@@ -209,7 +209,7 @@ class Append(MissionTransfer[AppendResult]):
             return self._end(f"no answer for {self.NO_ANSWER_S:g} s [no-answer]")
         if now >= self._stuck_at:
             progress = (
-                f"{self._n_stored} of {len(self._items)} items stored, no progress for "
+                f"{self._n_stored} of {len(self.items)} items stored, no progress for "
                 f"{self.STUCK_LIMIT_S:g} s"
             )
             return self._end(f"{progress}{self._last_nack_text} [append-stuck]")
