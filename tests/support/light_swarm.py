@@ -39,6 +39,8 @@ ORDER_EVERY_S = 1.0
 """time after which the link sends an order again that the vehicle has not answered [s]"""
 STOPS_WITHIN_S = 7.0
 """time in which a vehicle with a new link is stopped, or has climbed away from the place [s]"""
+KINDS = (StateShared, IntentShared, MemberShared)
+"""messages of which only the newest of a sender counts"""
 
 
 @dataclass
@@ -74,12 +76,9 @@ class LightAgent:
         self._contact_s = 0.0
         self._read_s = -1.0
         self._seen: Cell | None = None
-        self._states: dict[int, tuple[float, StateShared]] = {}
-        self._intents: dict[int, tuple[float, IntentShared]] = {}
-        self._fresh: set[int] = set()
-        self._fresh_intents: set[int] = set()
-        self._members: dict[int, tuple[float, MemberShared]] = {}
-        self._new_members: set[int] = set()
+        self._newest: dict[type, dict[int, tuple[float, Any]]] = {kind: {} for kind in KINDS}
+        """(time of sending [s], message) by type and sender"""
+        self._unread: dict[type, set[int]] = {kind: set() for kind in KINDS}
         self.pilot_since_s = math.inf
         """time from which a pilot flies the vehicle"""
         self.after_takeover: list[tuple[float, str]] = []
@@ -249,30 +248,24 @@ class LightAgent:
     # --- events
 
     def receive(self, uav: int, message: Any, sent_s: float) -> None:
-        if isinstance(message, StateShared):
-            self._states[uav] = (sent_s, message)
-            self._fresh.add(uav)
-        elif isinstance(message, IntentShared):
-            if uav not in self._intents or self._intents[uav][0] <= sent_s:
-                self._intents[uav] = (sent_s, message)
-                self._fresh_intents.add(uav)
-        elif isinstance(message, MemberShared):
-            self._receive_member(uav, message, sent_s)
-        else:
+        """Pass on observations; keep the newest of other messages, with the route of an earlier one."""
+        if not isinstance(message, KINDS):
             self(ev.ObservationsReceived((message,)))
-
-    def _receive_member(self, uav: int, message: MemberShared, sent_s: float) -> None:
-        """Keep the newest message, with the route of an earlier one, as the network does."""
-        earlier_s, earlier = self._members.get(uav, (-math.inf, message))
-        if earlier_s > sent_s:
             return
-        self._members[uav] = (sent_s, message.with_route_of(earlier))
-        self._new_members.add(uav)
+        newest = self._newest[type(message)]
+        earlier_s, earlier = newest.get(uav, (-math.inf, message))
+        if earlier_s > sent_s and not isinstance(message, StateShared):
+            return
+        if isinstance(message, MemberShared):
+            message = message.with_route_of(earlier)
+        newest[uav] = (sent_s, message)
+        self._unread[type(message)].add(uav)
 
-    def _new_of_members(self, now: float) -> tuple[tuple[int, float, MemberShared], ...]:
-        newest = [(uav, *self._members[uav]) for uav in sorted(self._new_members)]
-        self._new_members.clear()
-        return tuple((uav, now - sent_s, message) for uav, sent_s, message in newest)
+    def _take_new(self, kind: type, now: float) -> tuple[tuple[int, float, Any], ...]:
+        """Return (sender, age [s], message) of the messages of a type since the last call."""
+        new = [(uav, *self._newest[kind][uav]) for uav in sorted(self._unread[kind])]
+        self._unread[kind].clear()
+        return tuple((uav, now - sent_s, message) for uav, sent_s, message in new)
 
     def report(self) -> None:
         """Pass on the vehicle's telemetry with what the others sent, as the runner does."""
@@ -288,26 +281,19 @@ class LightAgent:
             self._lost_s = -math.inf
             self(ev.LinkRestored())
         vehicle = self.vehicle.telemetry(self.boot_s + now)
-        telemetry = ev.TelemetryReceived(vehicle, self._new_of_members(now))
+        telemetry = ev.TelemetryReceived(vehicle, self._take_new(MemberShared, now))
         if now - self._read_s >= NEIGHBOURS_EVERY_S:
             self._read_s = now
-            telemetry = self._with_messages(telemetry, now)
+            telemetry = replace(
+                telemetry,
+                neighbours=relevant_states(self.state, self._take_new(StateShared, now)),
+                intents=self._take_new(IntentShared, now),
+            )
         self(telemetry)
         if now >= self.pilot_since_s:
             self._pilot_seen_s = min(self._pilot_seen_s, now)
         self._sense()
         self.tick()
-
-    def _with_messages(self, telemetry: ev.TelemetryReceived, now: float) -> ev.TelemetryReceived:
-        told = [(uav, *self._states[uav]) for uav in sorted(self._fresh)]
-        self._fresh.clear()
-        heard = [(uav, *self._intents[uav]) for uav in sorted(self._fresh_intents)]
-        self._fresh_intents.clear()
-        return replace(
-            telemetry,
-            neighbours=relevant_states(self.state, [(uav, now - at_s, state) for uav, at_s, state in told]),
-            intents=tuple((uav, now - at_s, intent) for uav, at_s, intent in heard),
-        )
 
     def _sense(self) -> None:
         here = self.state.cell
