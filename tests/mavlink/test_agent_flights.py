@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from agent_flight import GRID, ROW, AgentFlight, largest_retreat_m
+from agent_flight import GRID, ROW, AgentFlight
 from flying_bench import BOTH
+from metric_plans import most_backwards_m
 from profiles import full_only
 
 from swarmctl.agent.phases import Phase
@@ -26,7 +27,7 @@ def test_a_vehicle_that_arrives_fast_stays_in_the_cells_of_its_plans(
     personality: str, before_m: float
 ) -> None:
     """The vehicle starts 25 m west of the area. Its route turns by 45 degrees at the first centre."""
-    flight = AgentFlight(personality, 0.0)
+    flight = AgentFlight(personality)
     flight.state = replace(
         flight.state, plans=replace(flight.state.plans, swap_times=SwapTimes((0.25,), (0.0,)))
     )
@@ -48,7 +49,7 @@ def test_a_vehicle_that_arrives_fast_stays_in_the_cells_of_its_plans(
     assert flight.bench.run(120.0, is_past)
     assert flight.swaps
     assert max(outside_m) < 2.0, "a diagonal leg passes the corner of two more cells"
-    assert largest_retreat_m(flight.flown) < MAX_OVERSHOOT_CELLS * GRID.cell_size_m
+    assert most_backwards_m([east_m for east_m, _ in flight.flown]) < MAX_OVERSHOOT_CELLS * GRID.cell_size_m
 
 
 @pytest.mark.full
@@ -71,4 +72,4 @@ def test_changed_plans_are_flown_without_a_stop_or_a_turn_back(personality: str,
     done = flight.ended[1:]
     assert len(done) >= 2
     assert all(isinstance(event, ev.MissionAccepted) and event.stood_still_s == 0.0 for event in done)
-    assert largest_retreat_m(flight.flown) < MAX_OVERSHOOT_CELLS * GRID.cell_size_m
+    assert most_backwards_m([east_m for east_m, _ in flight.flown]) < MAX_OVERSHOOT_CELLS * GRID.cell_size_m

@@ -61,7 +61,7 @@ def test_no_change_leads_back_or_out_of_the_cells_of_its_plans(
     delay_s: float,
     drawn: list[tuple[float, int]],
 ) -> None:
-    flight = AgentFlight(personality, 0.0)
+    flight = AgentFlight(personality)
     bench, lifted_s, left = flight.bench, flight.bench.now, sorted(drawn)
     bench.delay_s = delay_s
     bench.spoil(wire, *((at_s, at_s + for_s) for at_s, for_s in cuts))

@@ -6,11 +6,12 @@ import math
 from functools import partial
 from typing import Any
 
+from agent_stories import task
 from flying_bench import HOME, FlyingBench
 
 from swarmctl.agent.phases import ON_GROUND, Phase
 from swarmctl.agent.replan.mission_changes import needs_tick
-from swarmctl.agent.state import Task, initial_state
+from swarmctl.agent.state import initial_state
 from swarmctl.agent.step import step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
@@ -19,10 +20,8 @@ from swarmctl.core.geo import LocalFrame
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.observation import Observation
 from swarmctl.core.planar import PlanarPoint
-from swarmctl.core.threat import FiringStrength
 from swarmctl.mavlink.events import ProcedureDone
 from swarmctl.mavlink.procedures import basic
-from swarmctl.planners import PLANNERS, Method
 
 SIZE_M = 50.0
 WEST = LocalFrame(*HOME).to_geodetic(25.0, -4.5 * SIZE_M)
@@ -33,33 +32,19 @@ SPEED: dict[str, dict[str, float]] = {"ardupilot": {}, "px4": {"MPC_XY_CRUISE": 
 """parameters of a vehicle that flies at 10 m/s"""
 
 
-def task(**changes: Any) -> Task:
-    planner = PLANNERS["dijkstra"]
-    return Task(
-        uav=1,
-        name="uav1",
-        grid=GRID,
-        strength=FiringStrength(0.6, 0.3, 0.1),
-        w=0.7,
-        psi_per_cell=0.05,
-        entry=(ROW, 0),
-        goals=((ROW, 23),),
-        altitude_m=20.0,
-        method=Method("dijkstra", planner, planner.Params()),
-        **changes,
-    )
+TASK = task(grid=GRID, w=0.7, psi_per_cell=0.05, entry=(ROW, 0), goals=((ROW, 23),), altitude_m=20.0)
 
 
 class AgentFlight:
     """The part of the runner on the bench's clock: events of the link in, effects out."""
 
-    def __init__(self, personality: str, delay_s: float, **changes: Any) -> None:
+    def __init__(self, personality: str, delay_s: float = 0.0) -> None:
         self.bench = FlyingBench(personality, params=SPEED[personality]).prepared()
         self.bench.delay_s = delay_s
         prior = Belief.prior(GRID.rows, GRID.cols, 12)
-        self.state = initial_state(task(**changes), prior)
+        self.state = initial_state(TASK, prior)
         self.flown: list[PlanarPoint] = []
-        self.swaps: list[tuple[float, ev.SwapMission]] = []
+        self.swaps: list[ev.SwapMission] = []
         self.planned: list[ev.SwapMission] = []
         """all plans, the plan for the launch first"""
         self.ended: list[ev.Event] = []
@@ -89,7 +74,7 @@ class AgentFlight:
                 items = self.bench.session.mission_items(effect.plan)
                 self.bench.begin("upload", lambda c: basic.upload(c, items))
                 return
-            self.swaps.append((self.bench.now, effect))
+            self.swaps.append(effect)
             self.bench.begin("swap", partial(basic.swap, plan=effect.plan))
         elif isinstance(effect, ev.Command):
             assert effect.order is ev.FlightOrder.LAUNCH, effect
@@ -164,12 +149,3 @@ class AgentFlight:
             return self.state.ended
 
         assert self.bench.run(500.0, down), "the vehicle does not land"
-
-
-def largest_retreat_m(flown: list[PlanarPoint]) -> float:
-    """Return the longest way back to the west on a track from west to east [m]."""
-    farthest_m, back_m = -math.inf, 0.0
-    for east_m, _ in flown:
-        farthest_m = max(farthest_m, east_m)
-        back_m = max(back_m, farthest_m - east_m)
-    return back_m

@@ -6,11 +6,11 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 from firmware_witness import Fix
+from metric_plans import most_backwards_m
 from recorded import effects
 
 from swarmctl.core.grid import Cell, Grid
@@ -55,12 +55,8 @@ def flown(run: Path, name: str, fixes: Sequence[Fix], grid: Grid, until_s: float
             off_plan.append((fix.at_s, off_plan_m(fix, given, fixes[0], grid)))
             east_m.append(grid.frame.to_local(fix.lat_deg, fix.lon_deg)[0])
     planned = [[grid.centre_m((row, col))[0] for row, col in plan["cells"]] for _, plan in plans]
-    return Flown(name, account, off_plan, max(0.0, _back_m(east_m) - max(map(_back_m, planned))))
-
-
-def _back_m(east_m: Sequence[float]) -> float:
-    """Return the greatest distance back from the easternmost position so far."""
-    return max((most - now for most, now in zip(accumulate(east_m, max), east_m, strict=True)), default=0.0)
+    back_m = most_backwards_m(east_m) - max(map(most_backwards_m, planned))
+    return Flown(name, account, off_plan, max(0.0, back_m))
 
 
 def summary(run: Path) -> dict[str, Any]:

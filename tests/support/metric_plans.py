@@ -25,6 +25,6 @@ def place(bench: FlyingBench) -> PlanarPoint:
     return FRAME.to_local(*bench.vehicle.body.lat_lon_deg)
 
 
-def most_backwards_m(norths_m: Sequence[float]) -> float:
-    """Return the greatest way back south [m] in successive north coordinates of a vehicle."""
-    return max(most - now for most, now in zip(accumulate(norths_m, max), norths_m, strict=True))
+def most_backwards_m(along_m: Sequence[float]) -> float:
+    """Return the greatest way back [m] in successive coordinates of a vehicle along its way."""
+    return max((most - now for most, now in zip(accumulate(along_m, max), along_m, strict=True)), default=0.0)
