@@ -7,12 +7,12 @@ import re
 from pathlib import Path
 
 import pytest
-from flights import Ui, fly, small
+from flights import Ui, fly, small, virtual_flight
 from trouble import Trouble
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight import app, run
+from swarmctl.flight import run
 from swarmctl.flight.run import FlightOptions
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight.checks import CHECKS
@@ -38,10 +38,7 @@ def checked(
     trouble = trouble or Trouble()
     options = FlightOptions(launch="never", waivers=waivers, simulate=trouble.simulate)
     folder.mkdir(exist_ok=True)
-    flight = app.fly(
-        scenario, folder, ui or Ui(), clock="virtual", permission=lambda foreign: None, options=options
-    )
-    report = run_virtual(flight)
+    report = run_virtual(virtual_flight(scenario, folder, ui, options=options))
     if report.bug is not None:
         raise report.bug
     return report
@@ -149,11 +146,7 @@ def test_a_waived_check_is_reported_recorded_and_does_not_stop_the_flight(tmp_pa
     assert failing(refused) == [("uav1", "battery")]
     options = FlightOptions(waivers=(Waiver("battery", "uav1"),), simulate=trouble.simulate)
     (tmp_path / "flight").mkdir()
-    report = run_virtual(
-        app.fly(
-            scenario, tmp_path / "flight", ui, clock="virtual", permission=lambda _: None, options=options
-        )
-    )
+    report = run_virtual(virtual_flight(scenario, tmp_path / "flight", ui, options=options))
     assert report.all_arrived
     (line,) = [text for text in ui.said if text.endswith("[waived]")]
     assert line.startswith("uav1: battery: ")

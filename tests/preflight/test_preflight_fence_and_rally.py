@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +10,7 @@ import pytest
 from flights import Ui, coded, fly, small
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from trouble import OTHER_STATION, Trouble
+from trouble import Trouble, another_station_sends
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.vehicle.mission import Item
@@ -36,23 +35,14 @@ def failing(report: FlightReport) -> dict[tuple[str, str], str]:
     }
 
 
-def another_sends(message: Callable[[mavlink.MAVLink], mavlink.MAVLink_message]) -> FleetAction:
-    def action(fleet: Fleet) -> None:
-        station = mavlink.MAVLink(None, OTHER_STATION, 190)
-        now = asyncio.get_running_loop().time()
-        fleet.receive(message(station).pack(station), now, peer="another station")
-
-    return action
-
-
-def sets(name: str, value: float) -> FleetAction:
+def sets_fence_type(fleet: Fleet) -> None:
     real = mavlink.MAV_PARAM_TYPE_REAL32
-    return another_sends(lambda station: station.param_set_encode(1, 1, name.encode(), value, real))
+    another_station_sends(fleet, mavlink.MAVLink_param_set_message(1, 1, b"FENCE_TYPE", 5.0, real))
 
 
 def switches_off(fleet: Fleet) -> None:
     off = (mavlink.MAV_CMD_DO_FENCE_ENABLE, 0, 0.0, *(0.0,) * 6)
-    another_sends(lambda station: station.command_long_encode(1, 1, *off))(fleet)
+    another_station_sends(fleet, mavlink.MAVLink_command_long_message(1, 1, *off))
 
 
 def puts_rally_points(fleet: Fleet) -> None:
@@ -70,7 +60,7 @@ FAR_ABOVE_M = 1000.0
 
 @pytest.mark.parametrize(
     ("at_boot", "action"),
-    [({"FENCE_TYPE": 4.0}, sets("FENCE_TYPE", 5.0)), ({}, switches_off)],
+    [({"FENCE_TYPE": 4.0}, sets_fence_type), ({}, switches_off)],
     ids=["FENCE_TYPE", "DO_FENCE_ENABLE 0"],
 )
 @pytest.mark.autopilots("2 fence use")

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from flight_monitor import FlightMonitor, findings
-from flights import Ui
+from flights import Ui, virtual_flight
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from random_flights import RandomFlight
 from recorded import effects
@@ -24,7 +24,7 @@ from trouble import Trouble, Watched
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.records import replace
-from swarmctl.flight import app, virtual_simulator
+from swarmctl.flight import virtual_simulator
 from swarmctl.flight.run import DEFAULT_OPTIONS, VIRTUAL_EPOCH_NS, FlightOptions
 from swarmctl.flight.virtual_clock import VirtualTimeLoop
 from swarmctl.links.transports.memory import MemoryWire
@@ -146,7 +146,7 @@ def crashed(
         await virtual_simulator.serve(memory, wires[0])
 
     folder.mkdir(parents=True)
-    flight = loop.create_task(_fly(scenario, folder, Ui(), replace(options, simulate=simulate)))
+    flight = loop.create_task(virtual_flight(scenario, folder, options=replace(options, simulate=simulate)))
     flight.add_done_callback(lambda _: loop.stop())
     loop.run_forever()
     try:
@@ -168,7 +168,6 @@ def resume(
     outage_s: float = 5.0,
     meanwhile: Meanwhile = lambda _fleet, _now: None,
     later: tuple[float, Callable[[Fleet], None]] | None = None,
-    permission: Any = lambda _external: None,
 ) -> Resumed:
     """Let the vehicles fly on alone, then go on with a new station. `meanwhile` acts amid the outage.
 
@@ -189,7 +188,7 @@ def resume(
     run = unfinished(scenario, crash)
     options = replace(DEFAULT_OPTIONS, resumes=run, simulate=simulate)
     with run.file, asyncio.Runner(loop_factory=lambda: loop) as runner:
-        report = runner.run(_fly(scenario, folder, ui, options, permission))
+        report = runner.run(virtual_flight(scenario, folder, ui, options=options))
     if report.bug is not None:
         raise report.bug
     return Resumed(report, ui, folder, monitor)
@@ -207,23 +206,6 @@ def drift(crash: Crash, outage_s: float, meanwhile: Meanwhile = lambda _fleet, _
         crash.fleet.step(crash.at_s)
         if k == (n_steps + 1) // 2:
             meanwhile(crash.fleet, crash.at_s)
-
-
-async def _fly(
-    scenario: Scenario,
-    folder: Path,
-    ui: Ui,
-    options: FlightOptions,
-    permission: Any = lambda _external: None,
-) -> FlightReport:
-    return await app.fly(
-        scenario,
-        folder,
-        ui,
-        clock="virtual",
-        permission=permission,
-        options=options,
-    )
 
 
 def lost_observations(resumed: Resumed) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -94,6 +94,26 @@ def small(**sections: object) -> Scenario:
     return build(small_config(**sections))
 
 
+def virtual_flight(
+    scenario: Scenario,
+    folder: Path,
+    ui: Ui | None = None,
+    *,
+    bus: Transport | None = None,
+    options: FlightOptions = DEFAULT_OPTIONS,
+) -> Coroutine[Any, Any, FlightReport]:
+    """Return a flight for the virtual clock, with its records in an existing folder."""
+    return app.fly(
+        scenario,
+        folder,
+        ui or Ui(),
+        clock="virtual",
+        permission=lambda foreign: None,
+        bus=bus,
+        options=options,
+    )
+
+
 def fly(
     scenario: Scenario,
     folder: Path,
@@ -114,17 +134,7 @@ def fly(
         options = replace(options, simulate=trouble.simulate)
 
     async def scene() -> FlightReport:
-        flight = asyncio.create_task(
-            app.fly(
-                scenario,
-                folder,
-                ui or Ui(),
-                clock="virtual",
-                permission=lambda foreign: None,
-                bus=bus,
-                options=options,
-            )
-        )
+        flight = asyncio.create_task(virtual_flight(scenario, folder, ui, bus=bus, options=options))
         if beside is not None:
             await beside()
         return await flight
