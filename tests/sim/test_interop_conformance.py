@@ -11,8 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from serial_device import SerialDevice
-from simulator_process import Ground, free_tcp_port, free_udp_port, line, simulator
+from simulator_process import Ground, SerialDevice, free_tcp_port, free_udp_port, line, simulator
 
 from sim_vehicle.conformance.link_wire import LinkWire
 from sim_vehicle.links.url import parse_url

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
-from serial_device import SerialDevice
-from simulator_process import LIMIT_S, free_tcp_port, free_udp_port, udp_socket
+from simulator_process import LIMIT_S, SerialDevice, free_tcp_port, free_udp_port, udp_socket
 
 from sim_vehicle.links import Link, LinkCallbacks, LinkError, make_link
 from sim_vehicle.links.stream import Stream

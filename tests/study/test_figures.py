@@ -16,7 +16,7 @@ from matplotlib.text import Annotation
 
 from swarmctl.study.figures import caption, draw, validate
 from swarmctl.study.figures.base import Study
-from swarmctl.study.figures.calibration import Calibration, _binned
+from swarmctl.study.figures.calibration import Calibration, binned
 from swarmctl.study.figures.style import HEADING, files, print_style
 
 KEYS = {"level", "seed", "uav"}
@@ -193,6 +193,6 @@ def test_a_true_probability_lies_on_the_diagonal() -> None:
     columns |= {"safety_factor": p, "survived": rng.random(p.size) < p}
     study = Study(pd.DataFrame(columns), {}, ["safety_factor", "survived"], (20, 20))
     spec = Calibration(kind="calibration", predicted=("safety_factor",))
-    at, found = _binned(study, spec, "safety_factor", None, None)
+    at, found = binned(study, spec, "safety_factor", None, None)
     assert at == pytest.approx(np.arange(10) / 10 + 0.05, abs=0.005)
     assert found.value == pytest.approx(at, abs=0.025)

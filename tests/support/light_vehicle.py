@@ -104,9 +104,6 @@ class LightVehicle:
             moves = math.hypot(*self.velocity[:2]) > 1.0
             self._begin_mission(stop=self.stops_for_missions and moves)
 
-    def fly_mission(self) -> None:
-        self._begin_mission(stop=False)
-
     def hold(self) -> None:
         self.mode, self._anchor, self._braking, self._fell = "hold", None, True, False
 

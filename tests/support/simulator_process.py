@@ -1,4 +1,4 @@
-"""`python -m sim_vehicle` as a process, and a short ground station for it."""
+"""`python -m sim_vehicle` as a process, its sockets and serial devices, and a short ground station for it."""
 
 import os
 import select
@@ -6,8 +6,10 @@ import socket
 import subprocess
 import sys
 import time
+import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -109,6 +111,30 @@ def free_tcp_port(count: int = 1, step: int = 1) -> int:
             for probe in probes:
                 probe.close()
     raise AssertionError(f"no {count} free ports {step} apart")
+
+
+class SerialDevice:
+    """A pseudo-terminal behind the symbolic link `name`.
+
+    Another test may reuse the number of a closed terminal; a separate link avoids a mix-up.
+    """
+
+    def __init__(self, name: Path) -> None:
+        self.name = name
+        self._ends: tuple[int, ...] = ()
+
+    def plug_in(self) -> int:
+        """Connect a new terminal and return the test's end."""
+        own_end, device_end = self._ends = os.openpty()
+        tty.setraw(own_end)
+        tty.setraw(device_end)
+        self.name.symlink_to(os.ttyname(device_end))
+        return own_end
+
+    def pull(self) -> None:
+        self.name.unlink()  # before the close, so that the number is not found
+        for end in self._ends:
+            os.close(end)
 
 
 class Ground:

@@ -72,7 +72,7 @@ def _draw(
         annotation_clip=False,
     )  # fmt: skip
     for index, ((name, value), colour) in enumerate(zip(series, shades, strict=True)):
-        at, found = _binned(study, spec, name, value, panel)
+        at, found = binned(study, spec, name, value, panel)
         drawn = np.isfinite(at)
         axes.vlines(at, found.low, found.high, color=colour, lw=0.8, zorder=3)
         mark = MARKERS[index % len(MARKERS)]
@@ -87,7 +87,7 @@ def _draw(
     axes.set_xlabel(mathtext(label(spec.predicted[0])) if one else "as predicted")
 
 
-def _binned(
+def binned(
     study: Study, spec: Calibration, name: str, value: object, panel: object
 ) -> tuple[Floats, Estimates]:
     """Return the mean prediction of each bin, and the share observed."""
