@@ -60,12 +60,11 @@ class Trouble:
         return virtual_simulator.fleet_of(scenario, content)
 
     def watch(self, fleet: Fleet) -> None:
-        now = asyncio.get_running_loop().time()
-        self.on_step(now, fleet.truth())
+        now, truth = asyncio.get_running_loop().time(), fleet.truth()
+        self.on_step(now, truth)
         self.actions.sort(key=lambda timed: timed[0])
         while self.actions and now >= self.actions[0][0]:
             self.actions.pop(0)[1](fleet)
-        truth = fleet.truth()
         for sysid, mode, armed in zip(truth.sysid, truth.mode, truth.armed, strict=True):
             modes = self.modes.setdefault(int(sysid), [])
             if armed and (not modes or modes[-1] != mode):
