@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from agent_stories import Story, answers, orders
 from companion_world import STATION, Swarm
-from flights import FaultyUi, coded, fly, fly_with_commands, small
+from flights import FaultyUi, Ui, coded, fly, fly_with_commands, small
 from trouble import Trouble, interrupting, interrupts, select_mode
 
 from sim_vehicle.truth import Truth
