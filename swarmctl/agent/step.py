@@ -277,7 +277,7 @@ def _joined(state: AgentState, event: ev.Joined, _now: float) -> StepResult:
 
 
 def _link_lost(state: AgentState, event: ev.LinkLost, now: float) -> StepResult:
-    """Act on a lost link, and tell the others again and again which flight they have to expect."""
+    """Act on a lost link, and repeat the announced flight to the other vehicles."""
     is_new, state = not state.lost, replace(state, lost=True, silent_s=event.age_s)
     if is_new:
         state = replace(state, state_sent_boot_s=-math.inf).with_new_flight()

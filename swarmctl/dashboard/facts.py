@@ -1,4 +1,4 @@
-"""What one vehicle is known to do, with its times: positions, words, plans and messages. Pure."""
+"""The known facts of one vehicle, with their times: positions, states, plans and messages. Pure."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Motions:
 
 
 class Words(msgspec.Struct, frozen=True):
-    """What changes now and then."""
+    """The values that change now and then."""
 
     phase: str = ""
     mode: str = ""

@@ -1,4 +1,4 @@
-"""What a click in the set-up means for the configuration, and what the map shows of it. Pure."""
+"""Changes of the configuration by clicks in the set-up, and the map of it. Pure."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ Ghosts = list[dict[str, Any]]
 
 
 class WhatIfPanel:
-    """What the chosen vehicle, or each of all, would fly with other weights at the time shown.
+    """The routes that the chosen vehicle, or each vehicle, would fly with other weights at the time shown.
 
     `draw` shows ghosts on the map: routes with their colours.
     """

@@ -81,7 +81,7 @@ class Director:
         takeover: for a flight that another program began; None: a new flight
         """
         self._members = members
-        self._flight = flight
+        self._section = flight
         self._seconds_per_delay = seconds_per_delay
         self._say = say
         self._permission = permission
@@ -98,7 +98,7 @@ class Director:
         if self._is_stopping:
             return "end the program at once"
         if any(m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING for m in self._members):
-            order = self._flight.on_exit
+            order = self._section.on_exit
             return "hold, and end with vehicles in the air" if order == "hold" else f"hold, then {order}"
         released = any(is_released_in_air(m.state) for m in self._members)
         return "end, with released vehicles in the air" if released else "end"
@@ -109,7 +109,7 @@ class Director:
         if self._checks_only:
             await self._check_answered()
         else:
-            await Shutdown(self._members, self._flight, self._say, flies_all=self._flies_all).run()
+            await Shutdown(self._members, self._section, self._say, flies_all=self._flies_all).run()
 
     async def _check_answered(self) -> None:
         """Check the vehicles that have answered, ready or not."""
@@ -128,7 +128,7 @@ class Director:
         async with asyncio.TaskGroup() as flights:
             for member in self._members:
                 flights.create_task(self._begin_flight(member))
-        end = FlightEnd(self._members, self._flight.lost_timeout_s, self._say)
+        end = FlightEnd(self._members, self._section.lost_timeout_s, self._say)
         while not end.reached():  # noqa: ASYNC110 - silence raises no event
             await asyncio.sleep(POLL_S)
 
@@ -152,7 +152,7 @@ class Director:
         with contextlib.suppress(LinkError, PreflightFailed, TimeoutError):
             await self._clearance.set_up(member)
             await self._make_ready(member)
-            async with asyncio.timeout(self._flight.ready_timeout_s):
+            async with asyncio.timeout(self._section.ready_timeout_s):
                 await until(has_route, self._members)
 
     async def _prepare_flight(self) -> None:
@@ -270,7 +270,7 @@ class Director:
         return [failures[member] for member in failed]
 
     async def _connect(self, member: Member) -> None:
-        identity = await member.connect(self._flight.connect_timeout_s)
+        identity = await member.connect(self._section.connect_timeout_s)
         self._say(f"{member.name}: connected to {identity.firmware}, system id {identity.sysid}")
         found = member.runner.link.state()
         if found.armed:
@@ -292,7 +292,7 @@ class Director:
             raise PreflightFailed([member.final_state()])
 
     async def _prepare(self, member: Member) -> None:
-        timeout_s = self._flight.ready_timeout_s
+        timeout_s = self._section.ready_timeout_s
         most = f"waiting {timeout_s:g} s at most [not-ready]"
         await member.prepare(
             timeout_s,
@@ -343,7 +343,7 @@ class Director:
                     await asyncio.sleep(RETRY_S)
 
     def _is_over(self, member: Member) -> bool:
-        return member.state.ended or member.silent_for(self._flight.lost_timeout_s)
+        return member.state.ended or member.silent_for(self._section.lost_timeout_s)
 
 
 async def _failure(step: Coroutine[Any, Any, None]) -> str:

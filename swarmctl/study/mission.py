@@ -74,7 +74,7 @@ Leg = tuple[float, PointM, float, PointM]
 
 
 class Watcher:
-    """What an observer of a mission is told, as it happens; here each method does nothing."""
+    """An observer of a mission, told of each event as it happens; here each method does nothing."""
 
     def flies(self, uav: int, leg: Leg) -> None:
         """A vehicle flies a leg."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
+from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.wait import RULES
 
 PAGE = Path(__file__).parents[2] / "docs" / "traffic.md"
@@ -36,6 +36,11 @@ def test_of_equal_vehicles_the_lowest_system_id_has_priority(activity: Activity,
 def test_of_two_landing_vehicles_the_lower_one_lands_first() -> None:
     lower, higher = Standing(Activity.LANDING, True, 9, 12.0), Standing(Activity.LANDING, True, 1, 16.0)
     assert gives_way(higher, lower)
+
+
+def test_a_vehicle_that_waits_on_the_ground_gives_way_to_one_in_flight() -> None:
+    waits, flies = (Standing(activity_of(phase), True, uav) for uav, phase in ((1, "standby"), (9, "flying")))
+    assert gives_way(waits, flies)
 
 
 def _rows(heading: str) -> list[list[str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -160,6 +161,12 @@ def test_boards_that_report_the_name_of_their_kind_are_not_one_board() -> None:
 
 def test_every_check_has_a_row_that_fails() -> None:
     assert {name for name, *_ in UNFIT} == {check.NAME for check in CHECKS}
+
+
+def test_the_page_has_a_row_for_each_check() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "preflight.md").read_text(encoding="utf-8")
+    table = page.split("| check | requires |")[1].split("\n\n")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == {check.NAME for check in CHECKS}
 
 
 def test_a_fixed_wing_with_landings_inside_the_fence_and_along_its_first_leg_passes() -> None:

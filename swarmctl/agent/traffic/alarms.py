@@ -70,8 +70,9 @@ def _has_to_climb(state: AgentState, new: Sequence[ProximityAlarm]) -> bool:
     """Return whether the vehicle climbs now: at a new alarm, or if the other cannot give way any more."""
     if not climbs_to_give_way(state) or state.is_waiting or not may_give_way(state) or hears_nobody(state):
         return False
-    lower_ids = (alarm for alarm in state.alarms if alarm.is_close and alarm.other > state.task.uav)
-    return any(_has_to_give_way(state, alarm.other) for alarm in (*new, *lower_ids))
+    # These should give way, but may be unable to by now.
+    higher_ids = (alarm for alarm in state.alarms if alarm.is_close and alarm.other > state.task.uav)
+    return any(_has_to_give_way(state, alarm.other) for alarm in (*new, *higher_ids))
 
 
 def _is_alone(state: AgentState) -> bool:

@@ -135,9 +135,11 @@ def _leads_away(flight: Trajectory, other: Trajectory, limits: Limits, *, is_lat
 def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
     """Return whether a flight separates two vehicles that are close now.
 
-    It has to lead away (`_leads_away`). Until then the vehicles may be closer than ENOUGH if they keep the
-    limits, or hardly come closer than now if they are nearer already, or if the present flight comes closer
-    by BETTER_PLAN_SHARE.
+    It has to lead away (`_leads_away`). Until then the vehicles may be closer than ENOUGH in three cases:
+
+    - they keep the limits;
+    - they are nearer than the limits already, and hardly come closer than now;
+    - the present flight comes closer by BETTER_PLAN_SHARE.
     """
     begin_s = flight.times_s[0]
     if not _leads_away(flight, other, limits):

@@ -1,7 +1,7 @@
 """The rule of priority: which of two vehicles in conflict gives way. Pure.
 
-Every vehicle applies this rule to the same two standings, so exactly one of two vehicles gives way if at
-least one can. `docs/traffic.md` shows the rule as a table.
+Every vehicle applies this rule to the standings of both, as it knows them. So at least one of two vehicles
+gives way if one can, and normally exactly one. `docs/traffic.md` shows the rule as a table.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ class Activity(IntEnum):
 
 
 ACTIVITY_OF_PHASE: Mapping[str, Activity] = {
+    Phase.STANDBY: Activity.CLIMBING,
     Phase.LAUNCHING: Activity.CLIMBING,
     Phase.FLYING: Activity.EN_ROUTE,
     Phase.FORMATION: Activity.EN_ROUTE,

@@ -116,8 +116,6 @@ def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState,
 
 def _gives_way(state: AgentState, other: int, flights: Others) -> bool:
     """Return whether this vehicle gives way to another with a known flight, by the rule of priority."""
-    if other not in flights:
-        return True
     mine = Standing(Activity.EN_ROUTE, may_change(state), state.task.uav)
     return gives_way(mine, standing_of(state, other, flights[other]))
 
