@@ -188,13 +188,14 @@ class AgentState(msgspec.Struct, frozen=True):
     memories: tuple[Any, ...] = ()
     """memory of each failsafe rule, in the order of `task.rules`"""
     demands: tuple[Demand | None, ...] = ()
-    neighbours: Mapping[int, NeighbourReport] = msgspec.field(default_factory=dict)
+    all_neighbours: Mapping[int, NeighbourReport] = msgspec.field(default_factory=dict)
     """last states of vehicles nearby, those of silent vehicles, too"""
     alarms: tuple[ProximityAlarm, ...] = ()
     """vehicles predicted to come too close"""
     height_offset_m: float = 0.0
     """height above the task's altitude, for separation from other vehicles [m]"""
-    intents: Mapping[int, NeighbourIntent] = msgspec.field(default_factory=dict)
+    all_intents: Mapping[int, NeighbourIntent] = msgspec.field(default_factory=dict)
+    """last intents of other vehicles"""
     own_intent: Trajectory | None = None
     """last intent sent; times by the vehicle's clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
@@ -291,16 +292,16 @@ class AgentState(msgspec.Struct, frozen=True):
         return is_under_way and is_free and not self.lost and self.vehicle.mode_role == "mission"
 
     @property
-    def all_neighbours(self) -> Mapping[int, NeighbourReport]:
-        """The states of other vehicles, those of hidden members of the group included."""
-        hidden = self.membership.neighbours
-        return {**hidden, **self.neighbours} if hidden else self.neighbours
+    def neighbours(self) -> Mapping[int, NeighbourReport]:
+        """The states of vehicles nearby for the rules for other traffic: without hidden members."""
+        hidden, known = self.membership.hidden, self.all_neighbours
+        return {uav: known[uav] for uav in known if uav not in hidden} if hidden else known
 
     @property
-    def all_intents(self) -> Mapping[int, NeighbourIntent]:
-        """The intents of other vehicles, those of hidden members of the group included."""
-        hidden = self.membership.intents
-        return {**hidden, **self.intents} if hidden else self.intents
+    def intents(self) -> Mapping[int, NeighbourIntent]:
+        """The intents of other vehicles for the rules for other traffic: without hidden members."""
+        hidden, known = self.membership.hidden, self.all_intents
+        return {uav: known[uav] for uav in known if uav not in hidden} if hidden else known
 
     @property
     def is_waiting(self) -> bool:

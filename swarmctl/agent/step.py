@@ -12,6 +12,7 @@ from swarmctl.agent.commands import RETRY_AFTER_S, StepResult, command, release_
 from swarmctl.agent.failsafes.enforcement import apply_failsafes
 from swarmctl.agent.formation.flight import fly_in_formation, not_following, note_following
 from swarmctl.agent.formation.member_messages import tell_group
+from swarmctl.agent.formation.near_members import with_members_hidden
 from swarmctl.agent.formation.presence import note_group, receive_messages
 from swarmctl.agent.orders import handle_operator_command, weights_changed
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
@@ -159,7 +160,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     if event.intents:
         state = receive_intents(state, event.intents)
     if event.neighbours or event.intents:
-        state = with_reported_holds(state)
+        state = with_members_hidden(with_reported_holds(state))
     if has_touched_down(state):
         return end_at_touchdown(state), []
     effects: list[ev.Effect] = []

@@ -17,7 +17,6 @@ from swarmctl.agent.formation.approaches.base import ACCELERATION_M_S2, Along, A
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
 from swarmctl.agent.formation.shape import Shape, ShapePlace, radius_m
 from swarmctl.agent.formation.ways import MemberWay, SplitStretch
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.core.frames import MAX_POINTS, MemberShared
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.planar import PlanarPoint, turning_points
@@ -248,12 +247,8 @@ class Membership(msgspec.Struct, frozen=True):
     """last value of `MemberShared.joins` that was sent"""
     in_group_boot_s: float = -math.inf
     """time of the last message from within the group"""
-    neighbours: Mapping[int, NeighbourReport] = msgspec.field(default_factory=dict)
-    """states of present members: hidden from the rules for other traffic while they are present"""
-    intents: Mapping[int, NeighbourIntent] = msgspec.field(default_factory=dict)
-    """their intents, also hidden: they count when a member is absent"""
-    hidden_members: frozenset[int] = frozenset()
-    """members whose states and intents are hidden"""
+    hidden: frozenset[int] = frozenset()
+    """members hidden from the rules for other traffic, because they keep apart by set-points"""
 
     @property
     def along(self) -> Along | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from swarmctl.agent.formation.approaches.base import Nearby
 from swarmctl.agent.formation.membership import Formation, MemberReport
@@ -11,7 +10,6 @@ from swarmctl.agent.formation.shape import ShapePlace, assigned
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, extrapolate
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.core.records import replace
 
 SOON_S = 8.0
@@ -100,34 +98,20 @@ def with_members_shown(state: AgentState) -> AgentState:
 
     The members fly on with the group for some seconds, so they do not change their plans for this vehicle.
     """
-    members = {uav: replace(intent, may_change=False) for uav, intent in state.membership.intents.items()}
-    return replace(state, neighbours=state.all_neighbours, intents={**members, **state.intents})
+    hidden = state.membership.hidden
+    members = {
+        uav: replace(intent, may_change=False) for uav, intent in state.all_intents.items() if uav in hidden
+    }
+    membership = replace(state.membership, hidden=frozenset())
+    return replace(state, membership=membership, all_intents={**state.all_intents, **members})
 
 
-def with_traffic(
-    state: AgentState,
-    neighbours: Mapping[int, NeighbourReport] | None = None,
-    intents: Mapping[int, NeighbourIntent] | None = None,
-) -> AgentState:
-    """Return the state with all that is known of other vehicles; None: as known before.
-
-    Present members are hidden from the rules for other traffic, because they keep apart by set-points.
-    """
-    members, membership = _present_members_of(state), state.membership
-    if neighbours is None and intents is None and members == membership.hidden_members:
+def with_members_hidden(state: AgentState) -> AgentState:
+    """Return the state with the present members hidden from the rules for other traffic."""
+    hidden = _present_members_of(state)
+    if hidden == state.membership.hidden:
         return state
-    neighbours = state.all_neighbours if neighbours is None else neighbours
-    intents = state.all_intents if intents is None else intents
-    if members or membership.hidden_members:
-        membership = replace(
-            membership,
-            hidden_members=members,
-            neighbours={uav: report for uav, report in neighbours.items() if uav in members},
-            intents={uav: intent for uav, intent in intents.items() if uav in members},
-        )
-        neighbours = {uav: report for uav, report in neighbours.items() if uav not in members}
-        intents = {uav: intent for uav, intent in intents.items() if uav not in members}
-    return replace(state, membership=membership, neighbours=neighbours, intents=intents)
+    return replace(state, membership=replace(state.membership, hidden=hidden))
 
 
 def _present_members_of(state: AgentState) -> frozenset[int]:

@@ -13,7 +13,7 @@ from swarmctl.agent.commands import StepResult
 from swarmctl.agent.formation.approaches.place_keeping import on_new_route
 from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import Formation, GroupRoute, Membership
-from swarmctl.agent.formation.near_members import JOINS_WITHIN_M, near_members, with_traffic
+from swarmctl.agent.formation.near_members import JOINS_WITHIN_M, near_members, with_members_hidden
 from swarmctl.agent.formation.split import split_in_metres
 from swarmctl.agent.formation.ways import SplitStretch
 from swarmctl.agent.phases import EN_ROUTE, Phase
@@ -47,7 +47,7 @@ def note_group(state: AgentState) -> StepResult:
         return state, []
     if not _belongs(state) or _is_without_way(state, formation):
         alone = replace(before, leader=None, n_present=1)
-        return (state if before.leader is None else with_traffic(replace(state, membership=alone))), []
+        return (state if before.leader is None else with_members_hidden(replace(state, membership=alone))), []
     others = near_members(state, formation, formation.lost_after_s)
     present = [uav for uav in formation.members if uav == state.task.uav or uav in others]
     membership = replace(before, leader=present[0], n_present=len(present))
@@ -63,7 +63,7 @@ def note_group(state: AgentState) -> StepResult:
     if led is not None and led != state.task.uav and membership.leader == state.task.uav:
         text = f"the vehicle leads group {formation.name} now, in place of {state.task.name_of(led)}"
         effects = [ev.NotifyOperator(f"{text} [new-leader]")]
-    return with_traffic(replace(state, membership=membership)), effects
+    return with_members_hidden(replace(state, membership=membership)), effects
 
 
 def _belongs(state: AgentState) -> bool:

@@ -199,7 +199,7 @@ def known_flights(state: AgentState, near: Bounds | None = None) -> dict[int, Ne
     """
     known = {uav: as_intent(path) for uav, path in silent_neighbours(state).items()}
     known |= known_intents(state)
-    reports = state.neighbours
+    announced, reports = state.intents, state.neighbours
     if near is not None:
         limits = state.task.separation.limits
         wide_m, high_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
@@ -208,7 +208,7 @@ def known_flights(state: AgentState, near: Bounds | None = None) -> dict[int, Ne
         known = {uav: intent for uav, intent in known.items() if uav in come_near}
         reports = {uav: report for uav, report in reports.items() if uav in come_near}
     for uav, report in reports.items():
-        intent = state.intents.get(uav) and known.get(uav)
+        intent = known.get(uav) if uav in announced else None
         if intent is not None and not _is_off(report, intent):
             continue
         if (path := predict(state, report)) is not None:
@@ -247,11 +247,11 @@ def _is_off(report: NeighbourReport, intent: NeighbourIntent) -> bool:
 
 def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
     """Return the intents of other vehicles by system id, those of silent vehicles with their landings."""
-    now_s, known = state.vehicle.time_boot_s, {}
+    now_s, reports, known = state.vehicle.time_boot_s, state.neighbours, {}
     for uav, intent in state.intents.items():
         if not 0.0 <= (age_s := now_s - intent.sent_s) <= MAX_AGE_S:
             continue
-        report = state.neighbours.get(uav)
+        report = reports.get(uav)
         if report is not None and report.at_s > intent.sent_s and report.state.phase in ENDED:
             continue  # it has withdrawn its intent
         if age_s <= FRESH_S and (report is None or report.is_recent(now_s)):

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
-from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S
 from swarmctl.agent.traffic.returning import note_returning
@@ -59,7 +58,7 @@ def receive_neighbours(state: AgentState, states: Sequence[tuple[int, StateShare
     if any(uav not in before or now_s - before[uav].at_s > HEARD_S for uav in new):
         state = replace(state, intent_new_boot_s=now_s)  # a vehicle hears this one for the first time
     state = note_returning(note_arrival_times(state, states), reports)
-    return with_traffic(state, neighbours={**kept, **new})
+    return replace(state, all_neighbours={**kept, **new})
 
 
 def _near_test(state: AgentState) -> Callable[[StateShared, PlanarPoint], bool]:

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
 from swarmctl.agent.traffic.own_flight import HOLD_DURATION_S
@@ -44,8 +43,8 @@ def receive_intents(state: AgentState, intents: Sequence[tuple[int, float, Inten
                 ahead, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground, landing
             )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
-    state = replace(state, others=_with_present_cells(state, [uav for uav, _, _ in intents], kept))
-    return with_traffic(state, intents=fresh)
+    others = _with_present_cells(state, [uav for uav, _, _ in intents], kept)
+    return replace(state, others=others, all_intents=fresh)
 
 
 def with_reported_holds(state: AgentState) -> AgentState:
@@ -59,7 +58,7 @@ def with_reported_holds(state: AgentState) -> AgentState:
         if shared.waits and shared.hovers and shared.alt_rel_m >= AIRBORNE_M:
             flight = brake(report.position_m, shared.velocity_m_s, report.at_s).holding(HOLD_DURATION_S)
             holds[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=report.at_s)
-    return with_traffic(state, intents={**intents, **holds}) if holds else state
+    return replace(state, all_intents={**intents, **holds}) if holds else state
 
 
 def _with_present_cells(
