@@ -220,7 +220,7 @@ def _at_full_speed(state: AgentState, formation: Formation) -> StepResult:
     """
     if state.speed.m_s is None:
         return state, []
-    if hears_nobody(state) or near_members(state, formation, formation.keeps_place_s):
+    if hears_nobody(state) or len(near_members(state, formation, formation.keeps_place_s)) > 1:
         return state, []
     return set_speed(state, state.task.speed_m_s)
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 from swarmctl.agent.formation.membership import Formation
-from swarmctl.agent.formation.near_members import near_members
 from swarmctl.agent.formation.shape import assigned
 from swarmctl.agent.formation.split import is_formed, with_split
 from swarmctl.agent.phases import ON_GROUND
@@ -38,14 +37,14 @@ def planner_of(state: AgentState, start: Cell | None = None) -> Method:
         return first_method(state.task)
     if membership.n_present == 1 or not state.leads_group:
         return state.task.method
-    others = near_members(state, formation, formation.keeps_place_s)
     heading_deg = None
     if membership.route is not None and membership.along is not None:
         heading = membership.route.reference.at(membership.along.s_m).heading_rad
         heading_deg = math.degrees(heading) % 360.0
-    present, formed = (*others, state.task.uav), is_formed(state)
-    method = _method(state.task, formation, present, heading_deg, membership.shape, is_formed=formed)
-    return with_split(state, method, others, start, is_formed=formed)
+    formed = is_formed(state)
+    members, shape = membership.with_places, membership.shape
+    method = _method(state.task, formation, members, heading_deg, shape, is_formed=formed)
+    return with_split(state, method, start, is_formed=formed)
 
 
 def first_method(task: Task) -> Method:

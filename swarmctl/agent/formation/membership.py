@@ -213,12 +213,13 @@ class Membership(msgspec.Struct, frozen=True):
     told: Mapping[int, MemberReport] = msgspec.field(default_factory=dict)
     route: GroupRoute | None = None
     """the route that the vehicle follows, or tells while it leads"""
-    leader: int | None = None
-    """the leader by the last decision; None: no group"""
+    present: tuple[int, ...] = ()
+    """the present members, this vehicle included, in the group's order; empty: the vehicle is in no group"""
+    with_places: tuple[int, ...] = ()
+    """the members that have places, by the last message in the group: the present ones, and those that are
+    silent for a short time"""
     n_routes: int = 0
     """number of routes that this vehicle has told as the leader"""
-    n_present: int = 1
-    """number of present members, this vehicle included"""
     n_present_since_boot_s: float = -math.inf
     memory: PlaceMemory | None = None
     """the last call of the approach; None: before the first, and away from the group"""
@@ -251,6 +252,16 @@ class Membership(msgspec.Struct, frozen=True):
     """members hidden from the rules for other traffic, because they keep apart by set-points"""
 
     @property
+    def leader(self) -> int | None:
+        """The first present member; None: the vehicle is in no group."""
+        return self.present[0] if self.present else None
+
+    @property
+    def n_present(self) -> int:
+        """Number of present members; a vehicle in no group is alone."""
+        return max(len(self.present), 1)
+
+    @property
     def along(self) -> Along | None:
         """The reference point as this vehicle last computed it; its age counts from `memory.now_s`."""
         return None if self.memory is None else self.memory.along
@@ -280,21 +291,6 @@ class Membership(msgspec.Struct, frozen=True):
             for uav, age_s, message in told
         }
         return replace(self, told={**self.told, **new})
-
-    def present(self, members: Iterable[int], now_s: float, lost_after_s: float) -> tuple[int, ...]:
-        """Return the other members in the group, or on their way to it, in the group's order.
-
-        A member that was not heard for `lost_after_s` is absent.
-        """
-        return tuple(
-            [
-                uav
-                for uav in members
-                if (told := self.told.get(uav)) is not None
-                and told.message.joins
-                and now_s - told.at_boot_s <= lost_after_s
-            ]
-        )
 
     def without_place(self, now_s: float) -> Membership:
         """Return the membership of a vehicle that leaves its place at `now_s`."""

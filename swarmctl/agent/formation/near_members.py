@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from swarmctl.agent.formation.approaches.base import Nearby
 from swarmctl.agent.formation.membership import Formation, MemberReport
@@ -31,24 +32,34 @@ def joins_within_m(formation: Formation) -> float:
 
 
 def near_members(state: AgentState, formation: Formation, silence_s: float) -> tuple[int, ...]:
-    """Return the other members that are heard and not far from this vehicle, in the group's order."""
-    vehicle = state.last_position
+    """Return this vehicle and the other members near it that are in the group, or on their way to it.
+
+    They are in the group's order. A member that was not heard for `silence_s` does not count.
+    """
+    vehicle, told = state.last_position, state.membership.told
     if vehicle.lat_lon is None:
-        return ()
-    here = state.task.grid.frame.to_local(*vehicle.lat_lon)
-    within_m = joins_within_m(formation)
-    told = state.membership.told
-    others = state.membership.present(formation.members, state.now_boot_s, silence_s)
-    return tuple(
-        [uav for uav in others if uav != state.task.uav and math.dist(here, told[uav].here_m) <= within_m]
-    )
+        return (state.task.uav,)
+    here, within_m = state.task.grid.frame.to_local(*vehicle.lat_lon), joins_within_m(formation)
+    now_s = state.now_boot_s
+
+    def is_near(report: MemberReport) -> bool:
+        is_heard = report.message.joins and now_s - report.at_boot_s <= silence_s
+        return is_heard and math.dist(here, report.here_m) <= within_m
+
+    own = state.task.uav
+    return tuple([uav for uav in formation.members if uav == own or (uav in told and is_near(told[uav]))])
 
 
-def places_of(state: AgentState, formation: Formation, present: tuple[int, ...]) -> dict[int, ShapePlace]:
-    """Return the present place in the shape of each of the present members."""
-    is_present = [uav in present for uav in formation.members]
-    numbers = assigned(is_present, closes_up=formation.closes_up)
-    places = formation.places(state.membership.shape, len(present))
+def places_of(state: AgentState, formation: Formation) -> dict[int, ShapePlace]:
+    """Return the present place in the shape of each member that has one."""
+    membership = state.membership
+    return places_in(formation, membership.shape, membership.with_places)
+
+
+def places_in(formation: Formation, shape: int, present: Sequence[int]) -> dict[int, ShapePlace]:
+    """Return the place of each of the present members in a shape."""
+    numbers = assigned([uav in present for uav in formation.members], closes_up=formation.closes_up)
+    places = formation.places(shape, len(present))
     pairs = zip(formation.members, numbers, strict=True)
     return {uav: places[number] for uav, number in pairs if number is not None}
 
@@ -121,7 +132,7 @@ def _present_members_of(state: AgentState) -> frozenset[int]:
         return frozenset()
     if state.phase is not Phase.FORMATION and not (state.phase is Phase.FLYING and state.leads_group):
         return frozenset()
-    present = frozenset(near_members(state, formation, formation.lost_after_s))
+    present = frozenset(membership.present) - {state.task.uav}
     if state.phase is not Phase.FORMATION:
         return present
     return present | {

@@ -45,19 +45,18 @@ def note_group(state: AgentState) -> StepResult:
     formation, before = state.task.formation, state.membership
     if formation is None:
         return state, []
-    if not _belongs(state) or _is_without_way(state, formation):
-        alone = replace(before, leader=None, n_present=1)
-        return (state if before.leader is None else with_members_hidden(replace(state, membership=alone))), []
-    others = near_members(state, formation, formation.lost_after_s)
-    present = [uav for uav in formation.members if uav == state.task.uav or uav in others]
-    membership = replace(before, leader=present[0], n_present=len(present))
+    heard = near_members(state, formation, formation.lost_after_s)
+    if not _belongs(state) or _is_without_way(state, formation, heard):
+        return with_members_hidden(replace(state, membership=replace(before, present=()))), []
+    with_places = near_members(state, formation, formation.keeps_place_s)
+    membership = replace(before, present=heard, with_places=with_places)
     if membership.n_present != before.n_present:
         membership = replace(membership, n_present_since_boot_s=state.now_boot_s)
     if len(weights := _told_weights(membership)) == len(formation.approach.WEIGHTS) > 0:
         membership = replace(membership, weights=weights)
     membership = _with_route(state, formation, membership)
     if _is_at_end(state, formation, membership):
-        membership = replace(membership, is_over=True, leader=None, n_present=1)
+        membership = replace(membership, is_over=True, present=())
     effects: list[ev.Effect] = []
     led = before.leader
     if led is not None and led != state.task.uav and membership.leader == state.task.uav:
@@ -82,16 +81,18 @@ def _belongs(state: AgentState) -> bool:
     return is_on_its_way and has_climbed and vehicle.time_boot_s - membership.left_boot_s >= REJOINS_AFTER_S
 
 
-def _is_without_way(state: AgentState, formation: Formation) -> bool:
-    """Return whether the group flies apart without a way for this vehicle, whose place may be in a wall."""
+def _is_without_way(state: AgentState, formation: Formation, heard: Sequence[int]) -> bool:
+    """Return whether the group flies apart without a way for this vehicle, whose place may be in a wall.
+
+    heard: the members that would be present, this vehicle included
+    """
     uav, membership = state.task.uav, state.membership
     route, along = membership.route, membership.along
     if formation.split_factor is None:
         return False
     if route is not None and along is not None and route.split_at(along.s_m) is not None:
         return uav != route.leader and route.way_of(uav) is None
-    for other in near_members(state, formation, formation.lost_after_s):
-        told = membership.told[other].message
+    for told in [membership.told[other].message for other in heard if other != uav]:
         if told.route_id and told.split is not None:
             is_apart = told.split.begin_m <= told.along_m < told.split.end_m
             return is_apart and uav not in (of for of, _ in told.split.ways)

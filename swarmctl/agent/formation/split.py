@@ -8,13 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from swarmctl.agent.formation.membership import IN_PLACE_M, GroupRoute
-from swarmctl.agent.formation.near_members import joins_within_m, near_members, places_of
+from swarmctl.agent.formation.near_members import joins_within_m, places_in, places_of
 from swarmctl.agent.formation.shape import ShapePlace
 from swarmctl.agent.formation.ways import SplitStretch, offset_of
 from swarmctl.agent.state import AgentState
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.planar import PlanarPoint, by_heading, turning_points
-from swarmctl.core.records import replace
 from swarmctl.core.route import cells_between
 from swarmctl.core.split import SplitPlan
 from swarmctl.core.track_position import StraightLegs
@@ -30,13 +29,10 @@ RANGE_MARGIN_M = 20.0
 _LOOKS = 8
 
 
-def with_split(
-    state: AgentState, method: Method, others: Sequence[int], start: Cell | None, *, is_formed: bool
-) -> Method:
+def with_split(state: AgentState, method: Method, start: Cell | None, *, is_formed: bool) -> Method:
     """Return the planner that compares a split, if the group may split at the start of the plan.
 
     method: the planner for flying together
-    others: the other present members in the group's order
     start: the leader's cell at which the plan begins; None: on the ground, or for a route that is known
     is_formed: the members are at their places
 
@@ -47,7 +43,7 @@ def with_split(
     if formation is None or formation.split_factor is None or start is None or route is None or along is None:
         return method
     s_m, present = route.reference.locate(grid.centre_m(start)), route.split_at(along.s_m)
-    places = places_of(state, formation, (*others, state.task.uav))
+    places, others = places_of(state, formation), _others(state)
     if any(places[state.task.uav][:2]) or route.way_of(state.task.uav) is not None:
         return method
     under_way = None
@@ -93,12 +89,16 @@ def followers_in_place(state: AgentState) -> dict[int, bool]:
     formation, route, along = state.task.formation, state.membership.route, state.membership.along
     if formation is None or route is None or along is None:
         return {}
-    others = near_members(state, formation, formation.keeps_place_s)
-    places = places_of(state, formation, (*others, state.task.uav))
-    in_place = {uav: _is_in_place(state, route, uav, places[uav]) for uav in others}
+    places = places_of(state, formation)
+    in_place = {uav: _is_in_place(state, route, uav, places[uav]) for uav in _others(state)}
     if state.membership.error_m is not None:
         in_place[state.task.uav] = state.membership.from_place_m <= IN_PLACE_M
     return {uav: is_there for uav, is_there in in_place.items() if uav != state.membership.leader}
+
+
+def _others(state: AgentState) -> tuple[int, ...]:
+    """Return the other members that have places, in the group's order."""
+    return tuple(uav for uav in state.membership.with_places if uav != state.task.uav)
 
 
 def split_in_metres(state: AgentState, plan: SplitPlan, begin_m: float, end_m: float) -> SplitStretch:
@@ -116,9 +116,8 @@ def split_in_metres(state: AgentState, plan: SplitPlan, begin_m: float, end_m: f
     splice_m = max(route.reference.locate(grid.centre_m(plan.routes[0][0])), here_m)
     behind_m = min(BEHIND_M, begin_m)
     looks_m = np.linspace(here_m - behind_m, splice_m, _LOOKS).tolist()
-    places = places_of(state, formation, plan.members)
-    meets = replace(state, membership=replace(membership, shape=plan.shape))
-    meeting_places, meeting = places_of(meets, formation, plan.members), plan.routes[0][-1]
+    places = places_in(formation, membership.shape, plan.members)
+    meeting_places, meeting = places_in(formation, plan.shape, plan.members), plan.routes[0][-1]
     heading_rad = math.atan2(plan.ahead[1] - meeting[1], plan.ahead[0] - meeting[0])
     points_m: dict[int, Sequence[PlanarPoint]] = {}
     for uav, cells in zip(plan.members[1:], plan.routes[1:], strict=True):

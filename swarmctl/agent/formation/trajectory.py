@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from swarmctl.agent.formation.near_members import near_members, places_of
+from swarmctl.agent.formation.near_members import places_of
 from swarmctl.agent.formation.ways import offset_of
 from swarmctl.agent.replan.climb import CLIMB_M_S, DESCENT_M_S
 from swarmctl.agent.state import AgentState
@@ -37,8 +37,7 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
         away_e, away_n = memory.place_m[0] - pose.east_m, memory.place_m[1] - pose.north_m
         place = (*by_heading((away_e, away_n), pose.heading_rad), 0.0)
     else:
-        others = near_members(state, formation, formation.keeps_place_s)
-        place = places_of(state, formation, (*others, state.task.uav))[state.task.uav]
+        place = places_of(state, formation)[state.task.uav]
     velocity_m_s = state.vehicle.east_m_s, state.vehicle.north_m_s
     moves_e, moves_n = (EVERY_S * (velocity_m_s[k] - memory.velocity_m_s[k]) for k in (0, 1))
     off_e, off_n = here[0] - memory.place_m[0] + moves_e, here[1] - memory.place_m[1] + moves_n

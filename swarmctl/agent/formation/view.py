@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from swarmctl.agent.formation.approaches.base import Along, Group, MemberLimits, OtherMember, ThreatField
 from swarmctl.agent.formation.membership import Formation, MemberReport
-from swarmctl.agent.formation.near_members import near_members, obstacles, places_of
+from swarmctl.agent.formation.near_members import obstacles, places_of
 from swarmctl.agent.formation.shape import ShapePlace, least_spacing_m
 from swarmctl.agent.formation.ways import MemberWay
 from swarmctl.agent.phases import ENDED, Phase
@@ -34,9 +34,8 @@ def view_of(state: AgentState, formation: Formation, along: Along | None) -> Gro
     assert leader is not None
     assert vehicle.lat_lon is not None
     assert vehicle.alt_amsl_m is not None
-    with_places = near_members(state, formation, formation.keeps_place_s)
-    others = [u for u in with_places if now_s - membership.told[u].at_boot_s <= formation.lost_after_s]
-    places = places_of(state, formation, (*with_places, state.task.uav))
+    others = [uav for uav in membership.present if uav != state.task.uav]
+    places = places_of(state, formation)
     velocity_m_s = vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s
     # Telemetry is as old as the link's delay: the vehicle has flown on since.
     then, since_s = (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_amsl_m), vehicle.delay_s
