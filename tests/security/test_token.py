@@ -32,7 +32,6 @@ from swarmctl.core.messages import GiveOrder, SetWeights, encode
 from swarmctl.flight import operator_orders
 from swarmctl.flight.resources import open_records, open_resources
 from swarmctl.flight.run import DEFAULT_OPTIONS, run_of
-from swarmctl.flight.simulator import undisturbed
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.security.files import KeyringError
 from swarmctl.security.requests import TokenSigning, by_token, sign_request
@@ -212,7 +211,7 @@ def test_a_flight_demands_the_token_of_its_file(users_folder: Path, tmp_path: Pa
         assert checks.verify(key, payload) == b"land"
 
     async def scene() -> None:
-        run = run_of(scenario, tmp_path, Ui(), "real", lambda _: None, undisturbed, DEFAULT_OPTIONS)
+        run = run_of(scenario, tmp_path, Ui(), "real", lambda _: None, DEFAULT_OPTIONS)
         with open_records(run) as records:
             async with open_resources(run, None, records) as resources:
                 check_token(resources.token_authentication)
