@@ -17,7 +17,6 @@ from swarmctl.agent.formation.approaches import APPROACHES, behavioural, virtual
 from swarmctl.agent.formation.approaches.base import (
     Along,
     Group,
-    MemberLimits,
     Nearby,
     OtherMember,
     ThreatField,
@@ -26,6 +25,7 @@ from swarmctl.agent.formation.approaches.behavioural import gradient
 from swarmctl.agent.formation.approaches.place_keeping import keep_separation
 from swarmctl.agent.formation.reference import Reference, SpeedProfile
 from swarmctl.agent.phases import Phase
+from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.core import events as ev
 
 SHORT = [("behavioural", True), ("leader_following", True), ("virtual_structure", False)]
@@ -111,7 +111,8 @@ def member(flies: tuple[float, float, float], **facts: object) -> Group:
             "reference": route,
             "profile": SpeedProfile.of(route, 10.0, 8.0, 10.0, 2.0),
             "height_m": 30.0,
-            "limits": MemberLimits(10.0, separation_m=10.0, separation_up_m=3.0),
+            "speed_m_s": 10.0,
+            "limits": Limits(10.0, 3.0),
             **facts,
         }
     )

@@ -134,8 +134,8 @@ def test_the_velocity_of_a_place_on_a_way_is_its_derivative(
         return tuple(found)
 
     reference = Reference.over(points(route), window_for(60.0))
-    split = SplitStretch.of(20.0, reference.length_m - 10.0, {3: points(way)})
-    way_of_3 = split.ways[3]
+    way_of_3 = SplitStretch.of(20.0, reference.length_m - 10.0, {3: points(way)}).way_of(3)
+    assert way_of_3 is not None
 
     def place(s_m: float) -> tuple[float, float]:
         pose = reference.at(s_m)

@@ -79,7 +79,5 @@ def _split_message(state: AgentState, split: SplitStretch | None) -> SplitShared
     if split is None:
         return None
     to_geodetic = state.task.grid.frame.to_geodetic
-    ways = (
-        (uav, tuple(to_geodetic(*point) for point in way.curve.points_m)) for uav, way in split.ways.items()
-    )
+    ways = ((uav, tuple(to_geodetic(*p) for p in curve.points_m)) for uav, curve in split.curves.items())
     return SplitShared(split.begin_m, split.end_m, tuple(ways))

@@ -185,7 +185,7 @@ class GroupRoute(msgspec.Struct, frozen=True, eq=False):
         extent_m = formation.radius_m
         reference = Reference.over(tuple(turning_points(points_m)[:MAX_POINTS]), window_for(extent_m))
         end_m = max(reference.length_m - formation.ends_before_m, 0.0)
-        ways = () if split is None else [(w.begin_m, w.end_m, w.curve) for w in split.ways.values()]
+        ways = () if split is None else [(split.begin_m, split.end_m, c) for c in split.curves.values()]
         profile = SpeedProfile.of(
             reference, extent_m, formation.speed_m_s, max_speed_m_s, ACCELERATION_M_S2, end_m, ways
         )
@@ -204,7 +204,7 @@ class GroupRoute(msgspec.Struct, frozen=True, eq=False):
 
     def way_of(self, uav: int) -> MemberWay | None:
         """Return the member's own way in the split; the leader of the plan has none, it flies the route."""
-        return None if self.split is None else self.split.ways.get(uav)
+        return None if self.split is None else self.split.way_of(uav)
 
 
 class Membership(msgspec.Struct, frozen=True):

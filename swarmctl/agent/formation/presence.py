@@ -116,7 +116,7 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
             return membership
         points_m = tuple(state.task.grid.frame.to_local(*point) for point in told.route)
         number, shapes, split = told.route_id, told.shapes, _received_split(state, told)
-        ways = () if split is None else [way.curve.points_m for way in split.ways.values()]
+        ways = () if split is None else [curve.points_m for curve in split.curves.values()]
         if not all(_is_near_area(state, points) for points in (points_m, *ways)):
             return membership  # a wrong route of the leader must lead nobody away
         speed_m_s = state.task.speed_m_s

@@ -55,7 +55,7 @@ def with_split(state: AgentState, method: Method, start: Cell | None, *, is_form
         if None in starts:
             return method  # a member still flies outside the area
     else:
-        if s_m >= present.end_m or present.plan is None or not set(others) <= set(present.ways):
+        if s_m >= present.end_m or present.plan is None or not set(others) <= present.curves.keys():
             return method
         own_routes = dict(zip(present.plan.members, present.plan.routes, strict=True))
         rest = [_rest(grid, own_routes[uav], _place_m(route, uav, places[uav], s_m)) for uav in others]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from swarmctl.agent.formation.approaches.base import Along, Group, MemberLimits, OtherMember, ThreatField
+from swarmctl.agent.formation.approaches.base import Along, Group, OtherMember, ThreatField
 from swarmctl.agent.formation.membership import Formation, MemberReport
 from swarmctl.agent.formation.near_members import obstacles, places_of
 from swarmctl.agent.formation.shape import ShapePlace, least_spacing_m
@@ -44,7 +44,6 @@ def view_of(state: AgentState, formation: Formation, along: Along | None) -> Gro
         then[1] + since_s * velocity_m_s[1],
         then[2] + since_s * velocity_m_s[2],
     )
-    limits = state.task.separation.limits
     return Group(
         now_s=now_s,
         position_m=here,
@@ -56,11 +55,8 @@ def view_of(state: AgentState, formation: Formation, along: Along | None) -> Gro
         reference=route.reference,
         profile=route.profile,
         height_m=_height_amsl_m(state, formation, places),
-        limits=MemberLimits(
-            speed_m_s=state.task.speed_m_s,
-            separation_m=limits.horizontal_m,
-            separation_up_m=limits.vertical_m,
-        ),
+        speed_m_s=state.task.speed_m_s,
+        limits=state.task.separation.limits,
         leader=None if state.leads_group else others.index(leader),
         flies_mission=state.phase is Phase.FLYING and state.leads_group,
         memory=membership.memory,

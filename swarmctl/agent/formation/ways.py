@@ -76,7 +76,7 @@ class SplitStretch(msgspec.Struct, frozen=True, eq=False):
 
     begin_m: float
     end_m: float
-    ways: Mapping[int, MemberWay]
+    curves: Mapping[int, Reference]
     """the way of each member but the leader"""
     plan: SplitPlan | None = None
     """the leader's alone"""
@@ -90,11 +90,12 @@ class SplitStretch(msgspec.Struct, frozen=True, eq=False):
         plan: SplitPlan | None = None,
     ) -> SplitStretch:
         """Return a split with ways along `points_m`, (east, north) [m]."""
-        ways = {
-            uav: MemberWay(begin_m, end_m, Reference.over(tuple(points), LEAST_WINDOW_M))
-            for uav, points in points_m.items()
-        }
-        return cls(begin_m, end_m, ways, plan)
+        curves = {uav: Reference.over(tuple(points), LEAST_WINDOW_M) for uav, points in points_m.items()}
+        return cls(begin_m, end_m, curves, plan)
+
+    def way_of(self, uav: int) -> MemberWay | None:
+        """Return a member's own way; None for the leader, and for a vehicle that has none."""
+        return MemberWay(self.begin_m, self.end_m, self.curves[uav]) if uav in self.curves else None
 
     def is_at(self, s_m: float) -> bool:
         """Return whether the group is apart at a distance along the route."""
@@ -102,6 +103,4 @@ class SplitStretch(msgspec.Struct, frozen=True, eq=False):
 
     def moved(self, by_m: float) -> SplitStretch:
         """Return the split on a route whose distances are greater by `by_m`."""
-        begin_m, end_m = self.begin_m + by_m, self.end_m + by_m
-        ways = {uav: replace(way, begin_m=begin_m, end_m=end_m) for uav, way in self.ways.items()}
-        return replace(self, begin_m=begin_m, end_m=end_m, ways=ways)
+        return replace(self, begin_m=self.begin_m + by_m, end_m=self.end_m + by_m)

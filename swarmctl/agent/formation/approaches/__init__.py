@@ -1,7 +1,7 @@
 """The approaches to formation flight: one file each. Pure.
 
-An approach is a module that fits `base.Approach`. `place_keeping` has what they share, and `structure` the
-law of a structure that the leader moves. A new approach is a file and a line in `APPROACHES`.
+An approach is a module that fits `base.Approach`. `place_keeping` has what they share. A new approach is a
+file and a line in `APPROACHES`.
 """
 
 from __future__ import annotations

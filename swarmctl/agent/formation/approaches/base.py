@@ -11,21 +11,12 @@ from numpy.typing import NDArray
 from swarmctl.agent.formation.reference import Reference, SpeedProfile
 from swarmctl.agent.formation.shape import ShapePlace
 from swarmctl.agent.formation.ways import MemberWay
+from swarmctl.agent.traffic.separation.approach import Limits
 
 Vector = tuple[float, float, float]
 """east, north, up in the area's local frame [m] or [m/s]"""
 ACCELERATION_M_S2, CLIMB_M_S = 2.0, 1.0
 """Greatest acceleration over ground, and greatest climb or sink rate, demanded of a member."""
-
-
-class MemberLimits(msgspec.Struct, frozen=True):
-    """Limits of the group's vehicles, and the distance between them."""
-
-    speed_m_s: float
-    """greatest speed over ground that is demanded of a member"""
-    separation_m: float = 10.0
-    """least distance over ground of two members whose heights differ by less than `separation_up_m` [m]"""
-    separation_up_m: float = 5.0
 
 
 class Nearby(msgspec.Struct, frozen=True):
@@ -109,7 +100,10 @@ class Group(msgspec.Struct, frozen=True):
     profile: SpeedProfile
     height_m: float
     """height of the reference point, in the datum of `position_m` [m]"""
-    limits: MemberLimits
+    speed_m_s: float
+    """greatest speed over ground that is demanded of a member"""
+    limits: Limits
+    """separation of two members"""
     obstacles: tuple[Nearby, ...] = ()
     """members that leave, and the places at which silent members may have stopped"""
     leader: int | None = None

@@ -110,7 +110,7 @@ def fly(params: Params, group: Group) -> ApproachResult:
     else:
         velocity = (sum(v[0] for v in weighted), sum(v[1] for v in weighted))
     climb = min(max(place_m[2] - own[2], -CLIMB_M_S), CLIMB_M_S)
-    wanted = _steady(group, bounded((*velocity, climb), group.limits.speed_m_s))
+    wanted = _steady(group, bounded((*velocity, climb), group.speed_m_s))
     safe = keep_separation(group, wanted) or wanted
     offset = (own[0] - place_m[0], own[1] - place_m[1], own[2] - place_m[2])
     rate = (safe[0] - moving[0], safe[1] - moving[1], safe[2] - moving[2])
@@ -203,7 +203,7 @@ def _collision(params: Params, group: Group) -> tuple[Planar, tuple[float, float
     """Return the velocity away from near members, and of the nearest one: direction away (east, north),
     priority from 0 to 1, and its velocity."""
     limits, own = group.limits, group.position_m
-    begins_m = params.near_separations * limits.separation_m
+    begins_m = params.near_separations * limits.horizontal_m
     away = [0.0, 0.0]
     nearest, nearest_m = None, begins_m
     for member in group.others:
@@ -211,9 +211,9 @@ def _collision(params: Params, group: Group) -> tuple[Planar, tuple[float, float
         east = own[0] - their_e - member.age_s * moves_e
         north = own[1] - their_n - member.age_s * moves_n
         away_m = math.hypot(east, north)
-        if away_m >= begins_m or away_m < 1e-6 or abs(own[2] - their_u) >= limits.separation_up_m:
+        if away_m >= begins_m or away_m < 1e-6 or abs(own[2] - their_u) >= limits.vertical_m:
             continue
-        share = min((begins_m - away_m) / (begins_m - limits.separation_m), 1.0)
+        share = min((begins_m - away_m) / (begins_m - limits.horizontal_m), 1.0)
         speed = params.collision_m_s * share / away_m
         away[0] += speed * east
         away[1] += speed * north

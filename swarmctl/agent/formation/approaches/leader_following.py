@@ -11,15 +11,10 @@ from __future__ import annotations
 
 import math
 
+from swarmctl.agent.formation.approaches import virtual_structure
 from swarmctl.agent.formation.approaches.base import Along, ApproachResult, Group, PlaceMemory, Vector
 from swarmctl.agent.formation.approaches.place_keeping import keep_place, place_of, progress, reference_now
-from swarmctl.agent.formation.approaches.structure import (
-    LeastSpeedShare,
-    SlowsFrom,
-    SlowsTo,
-    Waiting,
-    fly_in_structure,
-)
+from swarmctl.agent.formation.approaches.virtual_structure import LeastSpeedShare, SlowsFrom, SlowsTo
 from swarmctl.agent.formation.ways import offset_of
 
 LEADER_FLIES_MISSION = True
@@ -32,8 +27,8 @@ SLOWING_M_S = 1.0
 _NONE: Vector = (0.0, 0.0, 0.0)
 
 
-class Params(Waiting):
-    """Parameters of leader following."""
+class Params(virtual_structure.Params):
+    """Parameters of leader following: those of a virtual structure, with other defaults."""
 
     slows_from_m: SlowsFrom = 5.0
     slows_to_m: SlowsTo = 25.0
@@ -45,7 +40,7 @@ def fly(params: Params, group: Group) -> ApproachResult:
     if group.leader is None:
         # A new leader was a follower before. It goes on along the group's route by set-points, because a
         # mission from beside the route would cross the places of the others. So does a leader on a new route.
-        return _lead_mission(params, group) if group.flies_mission else fly_in_structure(params, group)
+        return _lead_mission(params, group) if group.flies_mission else virtual_structure.fly(params, group)
     leader = group.others[group.leader]
     told = reference_now(group) if group.along is None else group.along
     now = reference_now(group)

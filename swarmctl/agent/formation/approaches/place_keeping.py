@@ -85,15 +85,14 @@ def keep_place(
     group: Group, pose: Pose, along: Along, place_m: Vector, velocity_m_s: Vector, closing_m_s: float
 ) -> ApproachResult:
     """Return the set-point of a member that flies to its place and stays there."""
-    limits = group.limits
     offset, rate = glide(group, place_m, velocity_m_s, closing_m_s)
     position = (place_m[0] + offset[0], place_m[1] + offset[1], place_m[2] + offset[2])
     wanted = (velocity_m_s[0] + rate[0], velocity_m_s[1] + rate[1], rate[2])
-    flown = bounded(wanted, limits.speed_m_s)
+    flown = bounded(wanted, group.speed_m_s)
     rate = (rate[0] + flown[0] - wanted[0], rate[1] + flown[1] - wanted[1], rate[2])
     own = group.position_m
     pull = [POSITION_HZ * (position[k] - own[k]) for k in range(3)]
-    east, north, _ = bounded((flown[0] + pull[0], flown[1] + pull[1], 0.0), limits.speed_m_s)
+    east, north, _ = bounded((flown[0] + pull[0], flown[1] + pull[1], 0.0), group.speed_m_s)
     climb = min(max(flown[2] + pull[2], -CLIMB_M_S), CLIMB_M_S)
     demand = SetPointDemand(flown, position)
     if (safe := keep_separation(group, (east, north, climb))) is not None:
@@ -149,8 +148,8 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
     """
     limits, own = group.limits, group.position_m
     near, climb = [], velocity[2]
-    least_m = limits.separation_m + MARGIN_M
-    reach_m = least_m + GROWTH_M_S * OLDEST_S + 2.0 * limits.speed_m_s / APPROACH_HZ
+    least_m = limits.horizontal_m + MARGIN_M
+    reach_m = least_m + GROWTH_M_S * OLDEST_S + 2.0 * group.speed_m_s / APPROACH_HZ
     for member in (*group.others, *_silent_by_plan(group), *group.obstacles):
         age_s, (their_e, their_n, their_u) = member.age_s, member.velocity_m_s
         moved_s, left = _if_braking(member)
@@ -168,10 +167,10 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
         closing = theirs - group.velocity_m_s[0] * unit_e - group.velocity_m_s[1] * unit_n
         left_m -= RESPONSE_S * max(closing, 0.0)
         up_m = own[2] - member.position_m[2] - age_s * their_u
-        if abs(up_m) >= limits.separation_up_m:
+        if abs(up_m) >= limits.vertical_m:
             if left_m < max(closing, 0.0) ** 2 / (2.0 * ACCELERATION_M_S2):
                 above = math.copysign(1.0, up_m)
-                height_left_m = abs(up_m) - limits.separation_up_m - MARGIN_UP_M
+                height_left_m = abs(up_m) - limits.vertical_m - MARGIN_UP_M
                 climb = above * max(above * climb, above * their_u - APPROACH_HZ * height_left_m)
             continue
         stops_m_s = math.sqrt(min(theirs, 0.0) ** 2 + 2.0 * ACCELERATION_M_S2 * max(left_m, 0.0))
@@ -193,7 +192,7 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
     if not is_changed:
         return None
     climb = min(max(climb, -CLIMB_M_S), CLIMB_M_S)
-    return bounded((east, north, climb), limits.speed_m_s)
+    return bounded((east, north, climb), group.speed_m_s)
 
 
 def _silent_by_plan(group: Group) -> list[Nearby]:
