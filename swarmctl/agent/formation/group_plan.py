@@ -122,6 +122,6 @@ def _on_new_route(
         membership,
         route=new,
         memory=replace(memory, along=replace(along, s_m=along.s_m - moved_m)),
-        route_sent_boot_s=-math.inf,
+        sent_boot_s=-math.inf,
         n_routes=number,
     )

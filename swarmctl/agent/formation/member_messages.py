@@ -44,10 +44,8 @@ def tell_group(state: AgentState) -> StepResult:
         error_m=membership.from_place_m,
     )
     if is_leader:
-        with_route = not 0.0 <= now_s - membership.route_sent_boot_s < ROUTE_EVERY_S
+        with_route = now_s // ROUTE_EVERY_S != membership.sent_boot_s // ROUTE_EVERY_S
         message = _as_leader(state, message, with_route=with_route)
-        if with_route and message.route:
-            membership = replace(membership, route_sent_boot_s=now_s)
     in_group_boot_s = now_s if in_group else membership.in_group_boot_s
     membership = replace(membership, sent_boot_s=now_s, joins_told=joins, in_group_boot_s=in_group_boot_s)
     state = replace(state, membership=membership)

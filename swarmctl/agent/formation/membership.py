@@ -243,7 +243,7 @@ class Membership(msgspec.Struct, frozen=True):
     is_over: bool = False
     """True: the group has ended for this vehicle"""
     sent_boot_s: float = -math.inf
-    route_sent_boot_s: float = -math.inf
+    """time of the last message; −∞: a message with the route is due at once"""
     joins_told: bool = False
     """last value of `MemberShared.joins` that was sent"""
     in_group_boot_s: float = -math.inf

@@ -127,7 +127,7 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
         # A new leader goes on along the route of the former one, until it plans a route of its own.
         number = membership.n_routes + 1
         route = replace(present, leader=leader, number=number)
-        return replace(membership, route=route, n_routes=number, route_sent_boot_s=-math.inf)
+        return replace(membership, route=route, n_routes=number, sent_boot_s=-math.inf)
     else:
         own = _route_of_mission(state, formation, membership)
         if own is None:
@@ -143,7 +143,7 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
         route=route,
         memory=memory,
         n_routes=n_routes,
-        route_sent_boot_s=-math.inf,
+        sent_boot_s=-math.inf,
     )
 
 

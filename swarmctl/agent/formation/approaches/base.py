@@ -68,18 +68,12 @@ class PlaceMemory(msgspec.Struct, frozen=True):
     """position of the place"""
     velocity_m_s: Vector
     """velocity of the place"""
-    offset_m: Vector
-    """demanded position minus place: the rest of a jump of the place"""
-    rate_m_s: Vector
-    """change of `offset_m`"""
+    demanded_m: Vector
+    """position demanded of the member, which does not jump with the place"""
+    demanded_m_s: Vector
+    """velocity demanded of the member"""
     along: Along
     """the reference point"""
-
-    @property
-    def demanded_m_s(self) -> Vector:
-        """The velocity demanded of the member."""
-        (ve, vn, vu), (re, rn, ru) = self.velocity_m_s, self.rate_m_s
-        return ve + re, vn + rn, vu + ru
 
 
 class Group(msgspec.Struct, frozen=True):

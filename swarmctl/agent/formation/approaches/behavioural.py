@@ -112,9 +112,7 @@ def fly(params: Params, group: Group) -> ApproachResult:
     climb = min(max(place_m[2] - own[2], -CLIMB_M_S), CLIMB_M_S)
     wanted = _steady(group, bounded((*velocity, climb), group.speed_m_s))
     safe = keep_separation(group, wanted) or wanted
-    offset = (own[0] - place_m[0], own[1] - place_m[1], own[2] - place_m[2])
-    rate = (safe[0] - moving[0], safe[1] - moving[1], safe[2] - moving[2])
-    memory = PlaceMemory(group.now_s, place_m, moving, offset, rate, along)
+    memory = PlaceMemory(group.now_s, place_m, moving, own, safe, along)
     return ApproachResult(SetPointDemand(safe), error_of(group, pose, place_m), memory)
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from swarmctl.agent.formation.approaches import virtual_structure
-from swarmctl.agent.formation.approaches.base import Along, ApproachResult, Group, PlaceMemory, Vector
+from swarmctl.agent.formation.approaches.base import Along, ApproachResult, Group, PlaceMemory
 from swarmctl.agent.formation.approaches.place_keeping import keep_place, place_of, progress, reference_now
 from swarmctl.agent.formation.approaches.virtual_structure import LeastSpeedShare, SlowsFrom, SlowsTo
 from swarmctl.agent.formation.ways import offset_of
@@ -24,7 +24,6 @@ LOOKS_AHEAD_S = 1.0
 """Time ahead for which the leader's speed is demanded, because a mission changes speed slowly [s]."""
 SLOWING_M_S = 1.0
 """Difference by which a leader slows down for its followers at a time, so that they can slow down too."""
-_NONE: Vector = (0.0, 0.0, 0.0)
 
 
 class Params(virtual_structure.Params):
@@ -79,5 +78,5 @@ def _lead_mission(params: Params, group: Group) -> ApproachResult:
     soon_m = s_m + LOOKS_AHEAD_S * along.speed_m_s
     limit = min(group.profile.at(s_m), group.profile.at(min(soon_m, 0.999 * group.reference.length_m)))
     waiting = max(limit * share, math.hypot(east, north) - SLOWING_M_S)
-    memory = PlaceMemory(group.now_s, own, group.velocity_m_s, _NONE, _NONE, along)
-    return ApproachResult(None, _NONE, memory, min(limit, waiting))
+    memory = PlaceMemory(group.now_s, own, group.velocity_m_s, own, group.velocity_m_s, along)
+    return ApproachResult(None, (0.0, 0.0, 0.0), memory, min(limit, waiting))

@@ -85,41 +85,32 @@ def keep_place(
     group: Group, pose: Pose, along: Along, place_m: Vector, velocity_m_s: Vector, closing_m_s: float
 ) -> ApproachResult:
     """Return the set-point of a member that flies to its place and stays there."""
-    offset, rate = glide(group, place_m, velocity_m_s, closing_m_s)
-    position = (place_m[0] + offset[0], place_m[1] + offset[1], place_m[2] + offset[2])
-    wanted = (velocity_m_s[0] + rate[0], velocity_m_s[1] + rate[1], rate[2])
+    position, wanted = glide(group, place_m, velocity_m_s, closing_m_s)
     flown = bounded(wanted, group.speed_m_s)
-    rate = (rate[0] + flown[0] - wanted[0], rate[1] + flown[1] - wanted[1], rate[2])
     own = group.position_m
     pull = [POSITION_HZ * (position[k] - own[k]) for k in range(3)]
     east, north, _ = bounded((flown[0] + pull[0], flown[1] + pull[1], 0.0), group.speed_m_s)
     climb = min(max(flown[2] + pull[2], -CLIMB_M_S), CLIMB_M_S)
     demand = SetPointDemand(flown, position)
     if (safe := keep_separation(group, (east, north, climb))) is not None:
-        demand = SetPointDemand(safe)
-        offset = (own[0] - place_m[0], own[1] - place_m[1], own[2] - place_m[2])
-        rate = (safe[0] - velocity_m_s[0], safe[1] - velocity_m_s[1], 0.0)
-    memory = PlaceMemory(group.now_s, place_m, velocity_m_s, offset, rate, along)
+        demand, position, flown = SetPointDemand(safe), own, safe
+    memory = PlaceMemory(group.now_s, place_m, velocity_m_s, position, flown, along)
     return ApproachResult(demand, error_of(group, pose, place_m), memory)
 
 
 def glide(group: Group, place_m: Vector, velocity_m_s: Vector, closing_m_s: float) -> tuple[Vector, Vector]:
-    """Return the demanded position minus the place, and its change [m], [m/s]."""
+    """Return the demanded position and its velocity [m], [m/s]: its distance from the place shrinks."""
     memory = group.memory
     dt = 0.0 if memory is None else group.now_s - memory.now_s
     if memory is None or not 0.0 <= dt <= PAUSE_S:
-        offset = _minus(group.position_m, place_m)
-        own = group.velocity_m_s
-        climb = min(max(own[2], -CLIMB_M_S), CLIMB_M_S)
-        return offset, (own[0] - velocity_m_s[0], own[1] - velocity_m_s[1], climb)
-    before, moved = memory.place_m, memory.velocity_m_s
-    half = 0.5 * dt
-    offset_e, offset_n, offset_u = memory.offset_m
-    rate_e, rate_n, rate_u = memory.rate_m_s
-    # The place would have come here by its own velocity; what differs is a jump.
-    offset_e += before[0] + half * (moved[0] + velocity_m_s[0]) - place_m[0]
-    offset_n += before[1] + half * (moved[1] + velocity_m_s[1]) - place_m[1]
-    offset_u += before[2] - place_m[2]
+        east, north, climb = group.velocity_m_s
+        return group.position_m, (east, north, min(max(climb, -CLIMB_M_S), CLIMB_M_S))
+    before, moved, half = memory.demanded_m, memory.velocity_m_s, 0.5 * dt
+    # The demanded position moves on with the place, by the place's own velocity: a jump of the place remains.
+    offset_e = before[0] + half * (moved[0] + velocity_m_s[0]) - place_m[0]
+    offset_n = before[1] + half * (moved[1] + velocity_m_s[1]) - place_m[1]
+    offset_u = before[2] - place_m[2]
+    rate_e, rate_n = memory.demanded_m_s[0] - moved[0], memory.demanded_m_s[1] - moved[1]
     away = math.hypot(offset_e, offset_n)
     # Half of the acceleration brakes, so that the rate can follow.
     back = _closing(away, closing_m_s, ACCELERATION_M_S2) / away if away > 1e-9 else 0.0
@@ -128,9 +119,10 @@ def glide(group: Group, place_m: Vector, velocity_m_s: Vector, closing_m_s: floa
     share = most / size if size > most else 1.0
     rate_e, rate_n = rate_e + share * change_e, rate_n + share * change_n
     rate_u = -math.copysign(_closing(abs(offset_u), CLIMB_M_S, CLIMB_M_S), offset_u)
+    offset = offset_e + rate_e * dt, offset_n + rate_n * dt, offset_u + rate_u * dt
     return (
-        (offset_e + rate_e * dt, offset_n + rate_n * dt, offset_u + rate_u * dt),
-        (rate_e, rate_n, rate_u),
+        (place_m[0] + offset[0], place_m[1] + offset[1], place_m[2] + offset[2]),
+        (velocity_m_s[0] + rate_e, velocity_m_s[1] + rate_n, rate_u),
     )
 
 
@@ -247,7 +239,7 @@ def progress(group: Group, expected_m: float, point: tuple[float, float]) -> flo
 
 def error_of(group: Group, pose: Pose, place_m: Vector) -> Vector:
     """Return the member's position minus its place: forward, right, up [m]."""
-    east, north, up = _minus(group.position_m, place_m)
+    east, north, up = (own - place for own, place in zip(group.position_m, place_m, strict=True))
     return *by_heading((east, north), pose.heading_rad), up
 
 
@@ -258,7 +250,3 @@ def bounded(velocity: Vector, speed_m_s: float) -> Vector:
         return velocity
     share = speed_m_s / size
     return velocity[0] * share, velocity[1] * share, velocity[2]
-
-
-def _minus(a: Vector, b: Vector) -> Vector:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
