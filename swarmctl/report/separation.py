@@ -9,9 +9,8 @@ import msgspec
 
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.plan_conflicts import DeconflictionCounts
-from swarmctl.agent.traffic.prediction import AIRBORNE_M
+from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_amsl
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
-from swarmctl.agent.traffic.separation.trajectory import LocalPoint
 from swarmctl.core.frames import StateShared
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.report.flown_separation import FlownSeparation
@@ -30,9 +29,8 @@ class SeparationStatistics:
     def moved(self, after: AgentState, flight_time_s: float | None, now: float) -> None:
         """Record the position of a vehicle of this process."""
         self._own_uavs.add(after.task.uav)
-        if (position := _airborne_position(after)) is not None and self._flown_separation(after).add_position(
-            after.task.uav, now, position
-        ):
+        position = position_amsl(after) if _is_airborne(after.vehicle) else None
+        if position is not None and self._flown_separation(after).add_position(after.task.uav, now, position):
             self._at_flight_s = flight_time_s
 
     def neighbours_moved(
@@ -102,13 +100,6 @@ class _Names(dict[int, str]):
 
     def __missing__(self, uav: int) -> str:
         return f"vehicle {uav}"
-
-
-def _airborne_position(state: AgentState) -> LocalPoint | None:
-    vehicle = state.vehicle
-    if not _is_airborne(vehicle) or vehicle.lat_lon is None or vehicle.alt_amsl_m is None:
-        return None
-    return (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_amsl_m)
 
 
 def _is_airborne(vehicle: VehicleState) -> bool:

@@ -14,7 +14,7 @@ from swarmctl.report.record_file import RecordStream, StoredMessage
 
 
 class Page:
-    """What a browser shows after some changes."""
+    """The map of a browser after some changes."""
 
     def __init__(self) -> None:
         self.shown: dict[str, Any] = {"vehicles": {}}

@@ -1,4 +1,4 @@
-"""What happens to the simulated vehicles of a flight on the virtual clock, and to its operator."""
+"""Troubles of the simulated vehicles of a flight on the virtual clock, and of its operator."""
 
 from __future__ import annotations
 

@@ -45,9 +45,11 @@ def note_group(state: AgentState) -> StepResult:
     formation, before = state.task.formation, state.membership
     if formation is None:
         return state, []
-    heard = near_members(state, formation, formation.lost_after_s)
-    if not _belongs(state) or _is_without_way(state, formation, heard):
-        return with_members_hidden(replace(state, membership=replace(before, present=()))), []
+    heard = near_members(state, formation, formation.lost_after_s) if _belongs(state) else ()
+    if not heard or _is_without_way(state, formation, heard):
+        if before.present:
+            state = replace(state, membership=replace(before, present=()))
+        return with_members_hidden(state), []
     with_places = near_members(state, formation, formation.keeps_place_s)
     membership = replace(before, present=heard, with_places=with_places)
     if membership.n_present != before.n_present:

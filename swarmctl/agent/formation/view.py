@@ -32,13 +32,12 @@ def view_of(state: AgentState, formation: Formation, along: Along | None) -> Gro
     route, leader = membership.route, membership.leader
     assert route is not None
     assert leader is not None
-    assert vehicle.lat_lon is not None
-    assert vehicle.alt_amsl_m is not None
+    then, since_s = position_amsl(state), vehicle.delay_s
+    assert then is not None
     others = [uav for uav in membership.present if uav != state.task.uav]
     places = places_of(state, formation)
     velocity_m_s = vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s
     # Telemetry is as old as the link's delay: the vehicle has flown on since.
-    then, since_s = (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_amsl_m), vehicle.delay_s
     here = (
         then[0] + since_s * velocity_m_s[0],
         then[1] + since_s * velocity_m_s[1],
