@@ -21,10 +21,12 @@ class GivenOrder(msgspec.Struct, frozen=True):
     """own mode roles before the order"""
     n_given: int = 0
     """number of orders so far"""
+    failure: str = ""
+    """last failure of an order, as text; empty once the vehicle follows an order"""
 
     def sent(self, order: FlightOrder, own_roles: frozenset[str]) -> GivenOrder:
         """Return the record of an order that is sent to a vehicle with these own mode roles."""
-        return GivenOrder(order, previous_own_roles=own_roles, n_given=self.n_given + 1)
+        return GivenOrder(order, previous_own_roles=own_roles, n_given=self.n_given + 1, failure=self.failure)
 
     def noted(self, order: FlightOrder) -> GivenOrder:
         """Return the record of an order that the vehicle follows without a message."""
@@ -32,7 +34,11 @@ class GivenOrder(msgspec.Struct, frozen=True):
 
     def followed(self) -> GivenOrder:
         """Return the record after the vehicle has confirmed the order."""
-        return replace(self, is_followed=True, repeat_at_s=math.inf)
+        return replace(self, is_followed=True, repeat_at_s=math.inf, failure="")
+
+    def failed(self, failure: str) -> GivenOrder:
+        """Return the record after the vehicle did not follow the order."""
+        return replace(self, failure=failure)
 
     def repeated(self, at_s: float) -> GivenOrder:
         """Return the record of an order that is repeated at `at_s`; inf: never."""

@@ -11,6 +11,7 @@ from swarmctl.agent.formation.membership import Membership
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
 from swarmctl.agent.phases import ON_GROUND, PAST_PLANNING, Phase
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.launching import launch_if_possible, watch_first_route
 from swarmctl.agent.traffic.returning import (
     follows_order,
     hold_and_wait,
@@ -33,18 +34,24 @@ _Decision = tuple[CommandOutcome, str, StepResult]
 """the outcome and the note of an answer, and the state and effects of the order"""
 
 
-def handle_operator_command(state: AgentState, event: ev.OperatorCommand) -> StepResult:
+def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: float) -> StepResult:
     """Follow an order; an operator's order is also answered."""
     place = position_for_return(state)
     outcome, note, (state, effects) = _decide(state, event)
-    if event.command is not None:
+    state, begun = launch_if_possible(state)
+    state, conflict = watch_first_route(state)
+    waits = state.phase is Phase.STANDBY and state.is_waiting
+    if event.order is ev.FlightOrder.LAUNCH and outcome == "taken" and waits:
+        note = state.trouble
+    effects = [*begun, *conflict, *effects]
+    if event.request_id is not None:
         answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note, place=place)
-        effects = [*effects, ev.Answer(event.command, answer)]
+        effects = [*effects, ev.Answer(event.request_id, answer)]
     return state, effects
 
 
 def _decide(state: AgentState, event: ev.OperatorCommand) -> _Decision:
-    order, remote = event.order, event.command is not None
+    order, remote = event.order, event.request_id is not None
     unchanged: StepResult = state, []
     if state.phase is Phase.RELEASED and state.vehicle.armed and remote and order in ROLE_OF_ORDER:
         note = "another operator controls the vehicle; the order is sent once [sent-once]"
@@ -95,7 +102,7 @@ def _notes(state: AgentState, event: ev.OperatorCommand) -> Iterator[str]:
 
 
 def _decide_launch(state: AgentState, event: ev.OperatorCommand) -> _Decision:
-    remote, ignored = event.command is not None, frozenset(event.ignore)
+    remote, ignored = event.request_id is not None, frozenset(event.ignore)
     unchanged: StepResult = state, []
     if state.phase in (Phase.HOLDING, Phase.LEAVING):
         advice = "order the vehicle to hold, then to resume"
@@ -163,7 +170,7 @@ def _resume(state: AgentState) -> StepResult:
 
 def _stay_on_ground(state: AgentState, event: ev.OperatorCommand) -> StepResult:
     """Withdraw the launch by an operator's order; the own process ends the flight."""
-    if event.command is None:
+    if event.request_id is None:
         return state.enter(Phase.DONE, outcome="not launched", plans=state.plans.without_upload()), []
     launch, order = state.launch.withdrawn(), state.order.noted(event.order)
     return replace(state, launch=launch, order=order, wait=None), []
@@ -198,7 +205,7 @@ def _follow_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResul
 
 def _is_of_shutdown(state: AgentState, event: ev.OperatorCommand) -> bool:
     """Return whether an order comes from a shutdown: all vehicles hold, and tell first that they wait."""
-    return event.command is None and holds_by_order(state) and state.order.is_followed
+    return event.request_id is None and holds_by_order(state) and state.order.is_followed
 
 
 def _may_wait(state: AgentState, event: ev.OperatorCommand) -> bool:
@@ -222,19 +229,19 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     effects: list[ev.Effect] = [] if event.range is None else [ev.SetRange(event.range)]
     if why := _reason_against_behaviours(state, event):
         refused = VehicleAnswer(state.task.uav, state.task.name, "refused", note=why)
-        return state, [ev.Answer(event.command, refused)]
+        return state, [ev.Answer(event.request_id, refused)]
     plans_anew = event.w is not None or event.strength is not None
     if state.phase in PAST_PLANNING and plans_anew:
         why = f"the vehicle does not plan routes in this phase: {state.phase}"
         why += (f", {state.outcome}" if state.outcome else "") + " [no-plan]"
         why += "" if event.range is None else f"; range of communication {event.range} from now on"
         over = VehicleAnswer(state.task.uav, state.task.name, "over", note=why)
-        return state, [*effects, ev.Answer(event.command, over)]
+        return state, [*effects, ev.Answer(event.request_id, over)]
     method = state.task.method
     if event.w is not None and not method.planner.USES_W:
         why = f"planner {method.name} does not use w; give firing strengths alone [w-unused]"
         refused = VehicleAnswer(state.task.uav, state.task.name, "refused", note=why)
-        return state, [ev.Answer(event.command, refused)]
+        return state, [ev.Answer(event.request_id, refused)]
     w = state.w if event.w is None else event.w
     strength = state.strength if event.strength is None else event.strength
     changed = (w, strength) != (state.w, state.strength)
@@ -247,7 +254,7 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     if not changed and event.range is None and not event.behaviours:
         note = "the vehicle already has these weights and keeps its plan [unchanged]"
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.plans.next_plan_id, note)
-    return state, [*effects, ev.Answer(event.command, taken)]
+    return state, [*effects, ev.Answer(event.request_id, taken)]
 
 
 def _reason_against_behaviours(state: AgentState, event: ev.WeightsChanged) -> str:

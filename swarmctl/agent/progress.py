@@ -1,4 +1,4 @@
-"""The progress of a vehicle on its plan, in metres along the flight from lift-off to touchdown. Pure.
+"""The progress of a vehicle on its mission, in metres along the flight from lift-off to touchdown. Pure.
 
 `step` computes the progress once for each telemetry message with a position. Planning, splicing, time
 bounds, arrival and traffic ask for it here, and so does the display.
@@ -12,11 +12,11 @@ from itertools import pairwise
 
 import msgspec
 
-from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.track_position import StraightLegs, TrackPosition
 from swarmctl.core.vehicle import VehicleState
 
@@ -39,9 +39,9 @@ OVERHEAD_M = 1.0
 
 
 class PlannedFlight(msgspec.Struct, frozen=True):
-    """A plan over ground: from the take-off or the begin in the air over the waypoints to the landing."""
+    """A mission over ground: from the take-off or the begin in the air over the waypoints to the landing."""
 
-    plan: ev.SwapMission
+    mission: PlannedMission
     takeoff: LatLon | None
     """place of take-off [deg]; None: unknown"""
     legs: StraightLegs
@@ -53,22 +53,22 @@ class PlannedFlight(msgspec.Struct, frozen=True):
     """greatest distance from the flight at which a vehicle counts as on its route [m]"""
 
     @classmethod
-    def of(cls, plan: ev.SwapMission, grid: Grid, vehicle: VehicleState) -> PlannedFlight:
-        """Return the flight of a plan; without a known begin it begins at the vehicle's present position."""
+    def of(cls, mission: PlannedMission, grid: Grid, vehicle: VehicleState) -> PlannedFlight:
+        """Return the flight of a mission; without a known begin it starts at the vehicle's position."""
         takeoff = _takeoff(vehicle)
-        legs = planned_legs(grid, plan.plan, takeoff or vehicle.lat_lon)
+        legs = planned_legs(grid, mission.plan, takeoff or vehicle.lat_lon)
         centres_m: list[float] = []
-        for cell in plan.cells:
+        for cell in mission.cells:
             # A route may pass a place twice, so a centre is looked for from the previous centre on.
             at = legs.locate(grid.centre_m(cell), centres_m[-1] if centres_m else 0.0)
             centres_m.append(at.along_m)
         on_route_m = max(ON_ROUTE_M, ON_ROUTE_CELLS * grid.cell_size_m)
         borders_m = tuple(0.5 * (a + b) for a, b in pairwise(centres_m))
-        return cls(plan, takeoff, legs, tuple(centres_m), borders_m, on_route_m + _turn_inside_m(plan))
+        return cls(mission, takeoff, legs, tuple(centres_m), borders_m, on_route_m + _turn_inside_m(mission))
 
-    def is_of(self, plan: ev.SwapMission, vehicle: VehicleState) -> bool:
-        """Return whether this is still the flight of a plan; at its launch a vehicle may set another home."""
-        return plan is self.plan and (not vehicle.armed or _takeoff(vehicle) in (None, self.takeoff))
+    def is_of(self, mission: PlannedMission, vehicle: VehicleState) -> bool:
+        """Return whether this is still the flight of a mission; a vehicle may set its home at its launch."""
+        return mission is self.mission and (not vehicle.armed or _takeoff(vehicle) in (None, self.takeoff))
 
 
 class Progress(msgspec.Struct, frozen=True):
@@ -99,7 +99,7 @@ class Progress(msgspec.Struct, frozen=True):
     @property
     def cell(self) -> Cell:
         """The route's cell that is nearest along the flight."""
-        return self.flight.plan.cells[self.cell_index]
+        return self.flight.mission.cells[self.cell_index]
 
     @property
     def is_centre_passed(self) -> bool:
@@ -145,14 +145,14 @@ class Progress(msgspec.Struct, frozen=True):
 
 
 def progress_on(
-    plan: ev.SwapMission, before: Progress | None, grid: Grid, vehicle: VehicleState
+    mission: PlannedMission, before: Progress | None, grid: Grid, vehicle: VehicleState
 ) -> Progress | None:
-    """Return the progress on a plan, after the progress `before`; None while the position is unknown."""
+    """Return the progress on a mission, after the progress `before`; None while the position is unknown."""
     if (lat_lon := vehicle.lat_lon) is None:
         return None
     here = grid.frame.to_local(*lat_lon)
-    if before is None or not before.flight.is_of(plan, vehicle):
-        flight = PlannedFlight.of(plan, grid, vehicle)
+    if before is None or not before.flight.is_of(mission, vehicle):
+        flight = PlannedFlight.of(mission, grid, vehicle)
         at = flight.legs.locate(here)
         return Progress(flight, here, at, at.along_m)
     flight, since_m = before.flight, max(before.reached_m - BACK_M, 0.0)
@@ -168,12 +168,12 @@ def progress_on(
 
 
 def points_ahead_on(
-    plan: ev.SwapMission, grid: Grid, vehicle: VehicleState
+    mission: PlannedMission, grid: Grid, vehicle: VehicleState
 ) -> tuple[PlanarPoint, ...] | None:
-    """Return `Progress.points_ahead` at the begin of a plan; None while the position is unknown."""
+    """Return `Progress.points_ahead` at the begin of a mission; None while the position is unknown."""
     if (lat_lon := vehicle.lat_lon) is None:
         return None
-    legs = planned_legs(grid, plan.plan, _takeoff(vehicle) or lat_lon)
+    legs = planned_legs(grid, mission.plan, _takeoff(vehicle) or lat_lon)
     return legs.points[legs.locate(grid.frame.to_local(*lat_lon)).leg + 1 :]
 
 
@@ -212,6 +212,6 @@ def _takeoff(vehicle: VehicleState) -> LatLon | None:
     return vehicle.home_lat_lon if vehicle.armed else vehicle.lat_lon
 
 
-def _turn_inside_m(plan: ev.SwapMission) -> float:
+def _turn_inside_m(mission: PlannedMission) -> float:
     """Return how far a fixed wing is inside a corner when it turns by 90° [m]."""
-    return (math.sqrt(2.0) - 1.0) * plan.plan.turn_radius_m
+    return (math.sqrt(2.0) - 1.0) * mission.plan.turn_radius_m

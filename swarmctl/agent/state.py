@@ -38,6 +38,7 @@ from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.core.route import landing_spot
 from swarmctl.core.threat import FiringStrength
@@ -255,30 +256,30 @@ class AgentState(msgspec.Struct, frozen=True):
         return self.membership.leader == self.task.uav
 
     @property
-    def followed(self) -> ev.SwapMission | None:
+    def followed(self) -> PlannedMission | None:
         """The mission being flown, to be flown after the launch, or interrupted to give way."""
         return (self.interrupted if self.is_waiting else None) or self.plans.mission
 
     def with_progress(self) -> AgentState:
         """Return the state with the progress on `followed` at the present position."""
-        if (plan := self.followed) is None:
+        if (mission := self.followed) is None:
             return replace(self, progress=None) if self.progress is not None else self
-        return replace(self, progress=progress_on(plan, self.progress, self.task.grid, self.last_position))
+        return replace(self, progress=progress_on(mission, self.progress, self.task.grid, self.last_position))
 
-    def progress_on(self, plan: ev.SwapMission) -> Progress | None:
-        """Return the progress on a plan, as if it were flown now; None while the position is unknown."""
-        if self.progress is not None and self.progress.flight.plan is plan:
+    def progress_on(self, mission: PlannedMission) -> Progress | None:
+        """Return the progress on a mission, as if it were flown now; None while the position is unknown."""
+        if self.progress is not None and self.progress.flight.mission is mission:
             return self.progress
-        return progress_on(plan, None, self.task.grid, self.last_position)
+        return progress_on(mission, None, self.task.grid, self.last_position)
 
-    def points_ahead(self, plan: ev.SwapMission) -> tuple[PlanarPoint, ...] | None:
-        """Return the waypoints ahead and the landing spot of a plan; None while the position is unknown.
+    def points_ahead(self, mission: PlannedMission) -> tuple[PlanarPoint, ...] | None:
+        """Return the waypoints ahead and the landing spot of a mission; None while the position is unknown.
 
-        It is quicker than `progress_on` for a plan that is not followed.
+        It is quicker than `progress_on` for a mission that is not followed.
         """
-        if self.progress is not None and self.progress.flight.plan is plan:
+        if self.progress is not None and self.progress.flight.mission is mission:
             return self.progress.points_ahead
-        return points_ahead_on(plan, self.task.grid, self.last_position)
+        return points_ahead_on(mission, self.task.grid, self.last_position)
 
     @property
     def flies_mission(self) -> bool:
@@ -309,7 +310,7 @@ class AgentState(msgspec.Struct, frozen=True):
         return self.wait is not None and self.wait.is_on
 
     @property
-    def interrupted(self) -> ev.SwapMission | None:
+    def interrupted(self) -> PlannedMission | None:
         """Mission that a hold for other vehicles interrupts."""
         return None if self.wait is None else self.wait.mission
 

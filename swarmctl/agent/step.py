@@ -88,31 +88,12 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
     ), []
 
 
-def _operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> StepResult:
-    state, effects = handle_operator_command(state, event)
-    state, begun = launch_if_possible(state)
-    state, conflict = watch_first_route(state)
-    begun += conflict
-    waits = state.phase is Phase.STANDBY and state.is_waiting
-    if event.order is ev.FlightOrder.LAUNCH and waits:
-        effects = [_with_note(effect, state.trouble) for effect in effects]
-    return state, [*begun, *effects]
-
-
-def _with_note(effect: ev.Effect, note: str) -> ev.Effect:
-    """Return the effect; if it answers an accepted order, with `note` as the note of the answer."""
-    if not isinstance(effect, ev.Answer) or effect.answer.outcome != "taken":
-        return effect
-    answer = replace(effect.answer, note=note)
-    return replace(effect, answer=answer)
-
-
 def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResult:
     if event.order is not state.order.given:
         return state, []
-    state = replace(state, order=state.order.followed())
-    if state.trouble.startswith(_failure_text(event.order)):
+    if state.trouble == state.order.failure:
         state = state.without_trouble()
+    state = replace(state, order=state.order.followed())
     if state.phase is Phase.LAUNCHING:
         return note_takeoff(state), []
     if state.phase is Phase.FORMATION:
@@ -122,18 +103,14 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResu
     return state, []
 
 
-def _failure_text(order: ev.FlightOrder) -> str:
-    return f"{order} failed"
-
-
 def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepResult:
     if event.order is not state.order.given:
         return state, []
-    text = f"{_failure_text(event.order)}: {event.reason}"
+    text = f"{event.order} failed: {event.reason}"
     if state.ended:
         is_late_order = event.order in ROLE_OF_ORDER  # an operator gave the order after the release
         return state, [ev.NotifyOperator(text)] if is_late_order else []
-    state = replace(state, trouble=text)
+    state = replace(state, trouble=text, order=state.order.failed(text))
     if event.order is ev.FlightOrder.FORMATION:
         return not_following(state, state.trouble)
     if state.phase is not Phase.LAUNCHING:
@@ -311,7 +288,7 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], StepResult]] = {
     ev.LaunchPostponed: postpone_launch,
     ev.LinkLost: _link_lost,
     ev.LinkRestored: _link_restored,
-    ev.OperatorCommand: _operator,
+    ev.OperatorCommand: handle_operator_command,
     ev.WeightsChanged: weights_changed,
     ev.Rebooted: _rebooted,
     ev.Tick: plan_if_due,

@@ -10,19 +10,14 @@ from typing import Literal
 
 import msgspec
 
-from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.frames import AgentMessage, IntentShared, MemberShared, StateShared
 from swarmctl.core.grid import Cell
 from swarmctl.core.messages import CommunicationRange, VehicleAnswer
-from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import BeliefItem
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.setpoint import SetPoint
-from swarmctl.core.split import SplitPlan
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
-
-ObservationId = tuple[int, int, int]
-"""(observer, incarnation, seq); for a checkpoint the seq of its last observation"""
 
 
 class FlightOrder(StrEnum):
@@ -160,7 +155,7 @@ class LinkRestored(_Record, frozen=True):
 
 class OperatorCommand(_Record, frozen=True):
     order: FlightOrder
-    command: int | None = None
+    request_id: int | None = None
     """number from the operator service, repeated in the `Answer`; None: an order of the agent's process"""
     after_s: float | None = None
     """time of a hold before a return in a recall, by the vehicle's clock [s]; None: a vehicle holds until its
@@ -174,7 +169,7 @@ class OperatorCommand(_Record, frozen=True):
 class WeightsChanged(_Record, frozen=True):
     """An operator's new weights and new range of communication; None: no change."""
 
-    command: int
+    request_id: int
     """number from the operator service, repeated in the `Answer`"""
     w: float | None = None
     strength: FiringStrength | None = None
@@ -228,23 +223,9 @@ class Publish(_Record, frozen=True):
 
 
 class SwapMission(_Record, frozen=True):
-    """Put this plan on the vehicle: by an upload on the ground, by a verified swap in flight."""
+    """Put this mission on the vehicle: by an upload on the ground, by a verified swap in flight."""
 
-    plan_id: int
-    plan: FlightPlan
-    cells: tuple[Cell, ...]
-    """lattice route of the plan"""
-    because: tuple[ObservationId, ...]
-    """observations merged since the last decision"""
-    cost: float
-    exposure_sum: float
-    safety_factor: float
-    length_m: float
-    track: Track | None = None
-    """straight track flown in place of the lattice route; None: the route is flown. exposure_sum,
-    safety_factor and length_m are those of the flown path; cost is always the route's"""
-    split: SplitPlan | None = None
-    """the members' own ways of a group whose leader flies this mission; None: the group flies together"""
+    mission: PlannedMission
 
 
 class Command(_Record, frozen=True):
@@ -280,7 +261,7 @@ class Release(_Record, frozen=True):
 class Answer(_Record, frozen=True):
     """The answer to an operator's command."""
 
-    command: int
+    request_id: int
     answer: VehicleAnswer
 
 

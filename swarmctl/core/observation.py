@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 Source = tuple[int, int]
 """(observer, incarnation)"""
+ObservationId = tuple[int, int, int]
+"""(observer, incarnation, seq); for a checkpoint the seq of its last observation"""
 MAX_CELLS = 512
 """most cells of one observation"""
 MAX_PACKED_BYTES = 40_000

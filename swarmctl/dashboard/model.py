@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from swarmctl.agent.phases import ENDED
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.belief import weighed_occupancy
-from swarmctl.core.events import SwapMission
 from swarmctl.core.exposure import exposure
 from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.messages import CommunicationRange
 from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.core.operator_text import printable
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
@@ -160,11 +160,11 @@ class Timeline:
                 name = (item.observer, item.incarnation, item.seq)
                 self.observations.setdefault(name, (item, time_s))
 
-    def planned(self, uav: int, time_s: float, swap: SwapMission) -> None:
+    def planned(self, uav: int, time_s: float, mission: PlannedMission) -> None:
         """Fold the decision for a new plan."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
-        new = picture_parts.route(self.scenario.grid, swap)
-        self._change_route(vehicle, time_s, new, swap.because)
+        new = picture_parts.route(self.scenario.grid, mission)
+        self._change_route(vehicle, time_s, new, mission.because)
 
     def chosen(self, uav: int, time_s: float, new: ShownRoute) -> None:
         """Fold a route that a vehicle flies from now on, without an upload."""

@@ -14,9 +14,9 @@ from swarmctl.agent.replan.route_to_mission import flown_route
 from swarmctl.agent.state import ARRIVED, Task
 from swarmctl.config.communication import vehicle_of
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.events import SwapMission
 from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.vehicle import MAX_DELAY_S
 from swarmctl.dashboard.facts import Motion, VehicleFacts, Words
 from swarmctl.dashboard.history import last_before
@@ -66,17 +66,17 @@ def area(scenario: Scenario) -> AreaPicture:
     )
 
 
-def route(grid: Grid, swap: SwapMission) -> ShownRoute:
+def route(grid: Grid, mission: PlannedMission) -> ShownRoute:
     """Return a plan as a route."""
-    plan = swap.plan
+    plan = mission.plan
     points = [(p.lat_deg, p.lon_deg) for p in (*plan.waypoints, plan.landing)]
     return ShownRoute(
-        swap.plan_id,
-        swap.cells,
+        mission.plan_id,
+        mission.cells,
         tuple(grid.frame.to_local(*point) for point in points),
-        swap.length_m,
-        swap.exposure_sum,
-        swap.safety_factor,
+        mission.length_m,
+        mission.exposure_sum,
+        mission.safety_factor,
     )
 
 

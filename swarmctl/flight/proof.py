@@ -12,6 +12,7 @@ from swarmctl.agent.phases import ENDED, ON_GROUND, Phase
 from swarmctl.agent.progress import planned_legs
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.procedures.recognise import Recognised
@@ -36,13 +37,13 @@ class Finding(msgspec.Struct, frozen=True):
 
 def candidates(state: AgentState) -> list[int]:
     """Return the numbers of the plans that the vehicle may fly: one being uploaded, or the one before."""
-    return list(_possible_swaps(state))
+    return list(_possible_missions(state))
 
 
-def _possible_swaps(state: AgentState) -> dict[int, ev.SwapMission]:
+def _possible_missions(state: AgentState) -> dict[int, PlannedMission]:
     """Return the missions that the vehicle may fly by the numbers of their plans, the most likely first."""
-    swaps = (state.plans.pending, state.plans.mission, state.interrupted, state.plans.accepted)
-    return {swap.plan_id: swap for swap in swaps if swap is not None}
+    missions = (state.plans.pending, state.plans.mission, state.interrupted, state.plans.accepted)
+    return {mission.plan_id: mission for mission in missions if mission is not None}
 
 
 def is_undecided(state: AgentState, vehicle: VehicleState) -> bool:
@@ -150,7 +151,7 @@ def _off_plan(state: AgentState, found: Finding) -> str:
     """Return what shows that a vehicle in mission mode was moved off its plan, or back on it."""
     vehicle, task = found.state, state.task
     assert found.stored.plan_id is not None
-    plan = _possible_swaps(state)[found.stored.plan_id].plan
+    plan = _possible_missions(state)[found.stored.plan_id].plan
     home = vehicle.takeoff_lat_lon if vehicle.home_lat_deg is not None else state.vehicle.takeoff_lat_lon
     assert vehicle.lat_deg is not None
     assert vehicle.lon_deg is not None

@@ -27,6 +27,7 @@ from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import BeliefItem
 from swarmctl.core.operator_text import extended
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
@@ -141,8 +142,8 @@ class Runner:
 
     def command(self, event: AgentCommand, answer_to: Callable[[VehicleAnswer], None]) -> None:
         """Queue an operator's command; the agent's answer goes to `answer_to`."""
-        assert event.command is not None
-        self._answer_to[event.command] = answer_to
+        assert event.request_id is not None
+        self._answer_to[event.request_id] = answer_to
         self.post(event)
 
     def take_up(self, events: Iterable[ev.Event]) -> None:
@@ -253,8 +254,8 @@ class Runner:
         match effect:
             case ev.Publish(message, against, group):
                 self._network.publish(self.state.task.uav, message, frozenset(against), group)
-            case ev.SwapMission():
-                self._start(partial(self._swap, effect), jobs)
+            case ev.SwapMission(mission):
+                self._start(partial(self._swap, mission), jobs)
             case ev.LaunchConflict(text):
                 self._launch_conflict = text
             case ev.Command(order, by_person):
@@ -269,8 +270,8 @@ class Runner:
                 self._end_job()
             case ev.NotifyOperator(text):
                 self.note(text, to_operator=True)
-            case ev.Answer(command, answer):
-                if (answer_to := self._answer_to.pop(command, None)) is not None:
+            case ev.Answer(request_id, answer):
+                if (answer_to := self._answer_to.pop(request_id, None)) is not None:
                     answer_to(answer)
 
     def _send_set_point(self, set_point: SetPoint) -> None:
@@ -301,14 +302,14 @@ class Runner:
             self._ending.add(self._job)
         self._job = None
 
-    async def _swap(self, swap: ev.SwapMission) -> None:
-        plan_id, on_ground = swap.plan_id, self.state.phase in ON_GROUND
+    async def _swap(self, mission: PlannedMission) -> None:
+        plan_id, on_ground = mission.plan_id, self.state.phase in ON_GROUND
         try:
             if on_ground:
-                takes_s = await self._upload(swap.plan)
+                takes_s = await self._upload(mission.plan)
                 self.post(ev.MissionAccepted(plan_id, takes_s))
                 return
-            self.post((await self.link.swap(swap.plan)).event(plan_id))
+            self.post((await self.link.swap(mission.plan)).event(plan_id))
         except LinkError as error:
             self.post(ev.MissionFailed(plan_id, "unknown", str(error)))
 

@@ -114,7 +114,7 @@ class Recorder(Observer):
         for effect in effects:
             self._write(EFFECTS, EffectRecord(now, effect, name), now)
             if isinstance(effect, ev.SwapMission):
-                shown = foxglove.route(name, effect.plan, self._colours[uav])
+                shown = foxglove.route(name, effect.mission.plan, self._colours[uav])
                 self._show(foxglove.route_topic(name), "foxglove.GeoJSON", shown, now)
         if isinstance(event, ev.TelemetryReceived):
             self._show_location(before.vehicle, event.state, uav, now)

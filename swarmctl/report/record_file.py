@@ -22,7 +22,7 @@ from mcap.writer import MCAP0_MAGIC
 from swarmctl import __version__
 from swarmctl.config.model import Config
 
-FORMAT = 5
+FORMAT = 6
 """number that grows with each change of the events, the effects or the configuration"""
 _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""

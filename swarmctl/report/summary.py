@@ -25,7 +25,8 @@ from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.inference.survival import survival_among
-from swarmctl.core.observation import Observation
+from swarmctl.core.observation import Observation, ObservationId
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import Route
 from swarmctl.report.arrival import Arrivals
@@ -44,7 +45,7 @@ MAX_WEIGHTS = 500
 class TakeoffPlan(msgspec.Struct, frozen=True):
     """The route, the belief and the firing strengths at take-off."""
 
-    route: ev.SwapMission
+    route: PlannedMission
     belief: Belief
     strength: FiringStrength
 
@@ -86,10 +87,10 @@ class FlightStatistics(Observer):
         self.separation = SeparationStatistics()
         self.arrivals = Arrivals()
         self.formations = FormationStatistics()
-        self._observed_s: dict[ev.ObservationId, float] = {}
-        self._merged_s: dict[ev.ObservationId, float] = {}
+        self._observed_s: dict[ObservationId, float] = {}
+        self._merged_s: dict[ObservationId, float] = {}
         """time at which the last peer merged the observation"""
-        self._mission_changed_s: dict[ev.ObservationId, float] = {}
+        self._mission_changed_s: dict[ObservationId, float] = {}
         """time at which the last vehicle accepted a mission that was changed because of the observation"""
 
     def folded(
@@ -139,10 +140,10 @@ class FlightStatistics(Observer):
                 vehicle.takeoff_plan = TakeoffPlan(after.plans.mission, after.belief, after.strength)
         vehicle.last_s = state.time_boot_s
 
-    def _accepted(self, vehicle: VehicleStatistics, swap: ev.SwapMission, now: float) -> None:
+    def _accepted(self, vehicle: VehicleStatistics, mission: PlannedMission, now: float) -> None:
         if not vehicle.planned:
-            vehicle.planned = [(p.lat_deg, p.lon_deg) for p in (*swap.plan.track, swap.plan.landing)]
-        for observation in swap.because:
+            vehicle.planned = [(p.lat_deg, p.lon_deg) for p in (*mission.plan.track, mission.plan.landing)]
+        for observation in mission.because:
             self._mission_changed_s[observation] = now
 
     @property
@@ -160,7 +161,7 @@ class FlightStatistics(Observer):
 
 
 def _quantiles(
-    begin_s: dict[ev.ObservationId, float], end_s: dict[ev.ObservationId, float]
+    begin_s: dict[ObservationId, float], end_s: dict[ObservationId, float]
 ) -> dict[str, float | int] | None:
     waits_s = [end_s[o] - begin_s[o] for o in sorted(end_s) if o in begin_s]
     if not waits_s:

@@ -166,8 +166,8 @@ def rebuild(
                 vehicle.last_unix_s = unix_s
         for effect in effects:
             match effect:
-                case ev.SwapMission(plan_id, plan):
-                    vehicle.plans[plan_id] = plan
+                case ev.SwapMission(mission):
+                    vehicle.plans[mission.plan_id] = mission.plan
                 case ev.Publish(Observation() as seen):
                     vehicle.observations.append((unix_s, seen))
 

@@ -105,7 +105,7 @@ def test_observations_without_effect_ahead_change_no_mission() -> None:
     story = Story().flying()
     story.hear((0, 8, False))
     assert story.tick() == []
-    assert not story.state.plans.dirty
+    assert not story.state.plans.is_due
 
 
 def test_replanning_starts_from_the_position_of_the_vehicle() -> None:

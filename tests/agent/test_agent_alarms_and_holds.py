@@ -292,7 +292,7 @@ def test_two_vehicles_in_hold_within_the_limits_separate_by_a_climb_on_the_spot(
     story.at(160.3, **STILL, alt_rel_m=31.0)
     levelling = story.state
     new = structs.replace(climb, plan_id=climb.plan_id + 1)
-    changing = replace(levelling, plans=levelling.plans.sent(new, levelling.now_boot_s))
+    changing = replace(levelling, plans=levelling.plans.changing_to(new, levelling.now_boot_s))
     for state in (levelling, changing):
         flight, now_s = planned_flight(state), state.vehicle.time_boot_s
         assert flight is not None

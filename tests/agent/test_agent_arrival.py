@@ -11,6 +11,7 @@ from swarmctl.agent.replan.swap_times import SwapHistory
 from swarmctl.agent.traffic.route_hold import hold
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 
 
@@ -135,7 +136,7 @@ def test_a_refused_full_speed_is_set_again() -> None:
 # --- routes that use spare time
 
 
-def next_swap(story: ArrivalStory) -> ev.SwapMission | None:
+def next_swap(story: ArrivalStory) -> PlannedMission | None:
     return next(iter(swaps(story.tick())), None)
 
 

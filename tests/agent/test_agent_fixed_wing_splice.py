@@ -14,8 +14,8 @@ from swarmctl.agent.replan.route_to_mission import corners_ahead
 from swarmctl.agent.replan.splice import splice_on_route
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.state import AgentState, initial_state
-from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 
 SCENARIO = winged()
@@ -30,7 +30,7 @@ def flying(east_m: float, task=WING, **changes) -> AgentState:
     state = initial_state(task, SCENARIO.prior)
     problem = first_problem(task, SCENARIO.prior)
     plan = first_flight(task, problem, first_route(task, SCENARIO.prior))
-    swap = ev.SwapMission(1, plan, ROUTE, (), 0.0, 0.0, 1.0, 0.0)
+    swap = PlannedMission(1, plan, ROUTE, (), 0.0, 0.0, 1.0, 0.0)
     lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, 175.0)
     home = dict(zip(("home_lat_deg", "home_lon_deg"), GRID.frame.to_geodetic(-50.0, 175.0), strict=True))
     vehicle = replace(state.vehicle, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=40.0, armed=True, **home)

@@ -50,7 +50,7 @@ def test_late_telemetry_suspends_changes_until_it_recovers() -> None:
     assert codes(story.over((4, 1), delay_s=8.0)) == ["telemetry-old"]
     assert vehicle_row(story.state, 0.1).link == "8 s old"
     story.hear((4, 4, True))
-    assert story.state.plans.dirty
+    assert story.state.plans.is_due
     assert not needs_tick(story.state, story.now)
     story.over((4, 2), delay_s=2.0)
     assert not needs_tick(story.state, story.now)  # it has to recover clearly

@@ -13,6 +13,7 @@ from swarmctl.agent.replan.swap_times import MAX_EXPECTED_S, PRIOR_S, SwapTimes
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.geo import distance_m
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.threat import FiringStrength
 
 
@@ -25,12 +26,12 @@ class SwapStory(Story):
         if took_s is not None:
             self.swaps_took(took_s)
 
-    def points(self, swap: ev.SwapMission) -> list[tuple[float, float]]:
+    def points(self, swap: PlannedMission) -> list[tuple[float, float]]:
         """Return the waypoints of a plan, east and north [m]."""
         return [GRID.frame.to_local(p.lat_deg, p.lon_deg) for p in swap.plan.track]
 
 
-def run_swap(story: SwapStory, took_s: float, *cells: tuple[int, int, bool], seq: int = 1) -> ev.SwapMission:
+def run_swap(story: SwapStory, took_s: float, *cells: tuple[int, int, bool], seq: int = 1) -> PlannedMission:
     """Run one swap, from an observation to its end."""
     story.hear(*cells, seq=seq)
     swap = story.swap()
@@ -172,7 +173,7 @@ def test_a_vehicle_that_arrives_before_the_end_of_a_swap_keeps_its_route() -> No
     story.at(330.0)
     story.hear((4, 8, True))
     assert swaps(story.tick()) == []
-    assert not story.state.plans.dirty
+    assert not story.state.plans.is_due
 
 
 def test_a_splice_point_on_a_track_is_after_the_swap_and_beside_a_centre() -> None:

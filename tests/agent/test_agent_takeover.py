@@ -8,11 +8,12 @@ from agent_stories import GRID, MID_M, ApproachStory, Story, orders, publication
 from swarmctl.agent.phases import Phase
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
+from swarmctl.core.planned_mission import PlannedMission
 
 HOLD = {"mode": "GUIDED", "mode_role": "hold", "ground_speed_m_s": 0.0}
 
 
-def swapping() -> tuple[Story, ev.SwapMission]:
+def swapping() -> tuple[Story, PlannedMission]:
     story = Story().flying()
     story.hear((4, 3, True), (4, 4, True), (4, 2, True))
     return story, story.swap()

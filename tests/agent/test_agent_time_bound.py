@@ -17,7 +17,7 @@ from swarmctl.agent.replan.decide import first_route
 from swarmctl.agent.replan.length_bounds import TimeBound
 from swarmctl.agent.replan.splice import leaving_at_once
 from swarmctl.agent.replan.swap_times import SwapTimes
-from swarmctl.agent.replan.time_bound import is_no_worse, lead_in_to, swap_cost_cells
+from swarmctl.agent.replan.time_bound import Departure, is_no_worse, lead_in_to, swap_cost_cells
 from swarmctl.agent.replan.travel_time import lost_s, timed_track
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
@@ -186,8 +186,8 @@ def test_the_time_of_a_swap_counts_if_both_routes_miss_the_bound() -> None:
     bent = ((0, 0), (1, 1), *((1, col) for col in range(2, 7)), (0, 7), (0, 8))  # 8.83 cells
     problem = Problem(np.zeros((9, 9)), (0, 0), ((0, 8),), 0.5, 0.1, max_length_cells=8.2)
     route = route_of(problem, straight(8), 0.0)
-    assert is_no_worse(state.task, problem, bent, route, swap_cost=2.0)
-    assert not is_no_worse(state.task, problem, bent, route, swap_cost=0.1)
+    assert is_no_worse(state.task, problem, bent, route, Departure(swap_cost_cells=2.0))
+    assert not is_no_worse(state.task, problem, bent, route, Departure(swap_cost_cells=0.1))
 
 
 def test_between_centres_the_route_counts_from_the_vehicle_and_a_swap_flies_back() -> None:

@@ -47,7 +47,7 @@ def test_a_standstill_during_the_mission_is_reported() -> None:
     assert rule(11.0, facts(at(200.0, 0.0))) is None
 
 
-@pytest.mark.parametrize("changes", [{"activity": "hold"}, {"route": None}, {"lost": True}])
+@pytest.mark.parametrize("changes", [{"activity": "hold"}, {"mission": None}, {"lost": True}])
 def test_the_rule_is_silent_without_a_mission_or_link(changes: dict[str, object]) -> None:
     rule = RuleRunner(not_following, **LIMITS)
     for second in range(60):
@@ -61,7 +61,7 @@ def test_a_new_plan_begins_where_the_vehicle_is() -> None:
     for second in range(10, 60):
         there = facts(
             at(200.0 - 2.0 * (second - 10), 200.0 - 4.0 * (second - 10)),
-            route=route_over(2, (100.0, 0.0)),
+            mission=route_over(2, (100.0, 0.0)),
         )
         assert rule(float(second), there) is None
 

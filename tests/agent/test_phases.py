@@ -53,7 +53,7 @@ events = st.one_of(
     st.builds(
         ev.OperatorCommand,
         orders,
-        command=st.sampled_from([None, 7]),
+        request_id=st.sampled_from([None, 7]),
         after_s=st.sampled_from([0.0, 20.0]),
     ),
 )

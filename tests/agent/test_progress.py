@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swarmctl.agent.progress import PlannedFlight, Progress, progress_on
-from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import Waypoint
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.core.route import flight_plan
 from swarmctl.core.vehicle import VehicleState
@@ -22,9 +22,9 @@ HOME = GRID.frame.to_geodetic(-80.0, 25.0)
 STEPS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 
 
-def plan_over(cells: tuple[Cell, ...], begins: Waypoint | None = None) -> ev.SwapMission:
+def plan_over(cells: tuple[Cell, ...], begins: Waypoint | None = None) -> PlannedMission:
     plan = flight_plan(GRID, cells, altitude_m=30.0, landing_lat_lon=GRID.centre(cells[-1]))
-    return ev.SwapMission(1, replace(plan, begins=begins), cells, (), 0.0, 0.0, 1.0, 0.0)
+    return PlannedMission(1, replace(plan, begins=begins), cells, (), 0.0, 0.0, 1.0, 0.0)
 
 
 def at(east_m: float, north_m: float, velocity_m_s: tuple[float, float] = (0.0, 0.0)) -> VehicleState:
@@ -54,7 +54,7 @@ def routes(draw: st.DrawFn) -> tuple[Cell, ...]:
     return tuple(cells) if len(cells) > 1 else ((0, 0), (0, 1))
 
 
-def flown(plan: ev.SwapMission, step_m: float, beside_m: float = 0.0) -> list[tuple[float, Progress]]:
+def flown(plan: PlannedMission, step_m: float, beside_m: float = 0.0) -> list[tuple[float, Progress]]:
     """Return the true distance along the flight and the progress, as the vehicle flies its plan."""
     legs = PlannedFlight.of(plan, GRID, at(0.0, 0.0)).legs
     rows: list[tuple[float, Progress]] = []
@@ -97,7 +97,7 @@ def test_the_leg_from_the_take_off_to_the_first_centre_belongs_to_the_flight() -
 def test_a_plan_begun_past_a_centre_has_passed_that_centre() -> None:
     begins = Waypoint(*GRID.frame.to_geodetic(40.0, 25.0), 30.0)
     plan = plan_over(((0, 0), (0, 1), (0, 2)), begins)
-    plan = ev.SwapMission(
+    plan = PlannedMission(
         2, replace(plan.plan, track=plan.plan.track[1:]), plan.cells, (), 0.0, 0.0, 1.0, 0.0
     )
     progress = progress_on(plan, None, GRID, at(40.0, 25.0))

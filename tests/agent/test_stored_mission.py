@@ -8,14 +8,14 @@ import pytest
 from agent_stories import GRID, Story
 
 from swarmctl.agent.replan.stored_mission import rest_of_stored
-from swarmctl.core import events as ev
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 
 BESIDE = (6, 4)
 """a cell beside the route along row 4"""
 
 
-def beside_the_route(*seen: tuple[int, int, bool]) -> tuple[Story, ev.SwapMission]:
+def beside_the_route(*seen: tuple[int, int, bool]) -> tuple[Story, PlannedMission]:
     """Return a vehicle beside its stored mission, with new observations, and the mission."""
     story = Story().flying()
     stored = story.state.plans.mission
@@ -57,9 +57,9 @@ def test_another_mission_on_the_vehicle_needs_a_new_plan() -> None:
     assert rest_of_stored(replace(story.state, vehicle=vehicle), stored) is None
 
 
-def other_than(stored: ev.SwapMission) -> ev.SwapMission:
+def other_than(stored: PlannedMission) -> PlannedMission:
     """Return another mission than the one last verified on the vehicle."""
-    return ev.SwapMission(99, stored.plan, stored.cells, (), 0.0, 0.0, 1.0, 0.0)
+    return PlannedMission(99, stored.plan, stored.cells, (), 0.0, 0.0, 1.0, 0.0)
 
 
 def test_a_vehicle_outside_of_the_area_needs_a_new_plan() -> None:

@@ -137,7 +137,7 @@ def test_a_command_reaches_the_vehicle_of_its_key_and_the_answer_returns(both: P
             assert decode_answer(answer, VehicleAnswer) == VehicleAnswer(2, "uav2", "taken", 5)
             assert station.posted == [(2, ev.WeightsChanged(1, None, FiringStrength(0.7, 0.3, 0.1)))]
             (answer,) = await operator.ask(ORDER, encode(GiveOrder((2,), "hold")), 5.0)
-            assert [event.command for _, event in station.posted] == [1, 2]
+            assert [event.request_id for _, event in station.posted] == [1, 2]
 
     asyncio.run(scene())
 
@@ -306,7 +306,7 @@ def test_a_busy_vehicle_gets_no_new_weights() -> None:
         assert [(v.uav, v.outcome) for v in both_named] == [(1, "taken"), (2, "refused")]
         assert "[vehicle-busy]" in both_named[1].note
         assert commands.has_failed(SetWeights(None, w=0.3), both_named)
-        assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2)]
+        assert [(uav, event.request_id) for uav, event in station.posted] == [(2, 1), (1, 2)]
         assert station.counts == CommandCounts(passed_on=2, refused=1)
 
         # The answer to an order does not free the vehicle.
@@ -318,7 +318,7 @@ def test_a_busy_vehicle_gets_no_new_weights() -> None:
         # The late answer does not reach the operator, but the vehicle is free again.
         station.late[0]()
         await commands.ask(bus, THERE, SetWeights((2,), w=0.3))
-        assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3), (2, 4)]
+        assert [(uav, event.request_id) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3), (2, 4)]
 
     run_virtual(scene())
 

@@ -15,6 +15,7 @@ from swarmctl.agent.step import step
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.report.first_plans import first_routes, plan_table, planned_shapes
 from swarmctl.report.tables import estimate_texts, product_text
@@ -31,12 +32,12 @@ def table_of(scenario: Scenario) -> list[list[str]]:
     return rows_of(plan_table(scenario, first_routes(scenario)).at())
 
 
-def first_mission(task: Task, scenario: Scenario) -> ev.SwapMission:
+def first_mission(task: Task, scenario: Scenario) -> PlannedMission:
     """Return the agent's decision before the vehicle takes off."""
     state, _ = step(initial_state(task, scenario.prior), ev.Ready(), 0.0)
     _, (swap,) = step(state, ev.Tick(), 1.0)
     assert isinstance(swap, ev.SwapMission)
-    return swap
+    return swap.mission
 
 
 @pytest.mark.parametrize("flight", [{}, {"any_angle": True}, PULLED], ids=["lattice", "entered", "integral"])

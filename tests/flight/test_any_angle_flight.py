@@ -29,6 +29,7 @@ from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.exposure import exposure_sum, length_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.core.route import ends_and_turns, flight_plan
 from swarmctl.planners import Problem
@@ -49,7 +50,7 @@ def scenario(counting: ExposureMeasure | None, seed: int = 3) -> Scenario:
 
 def missions(folder: Path) -> list[dict[str, Any]]:
     """Return every mission sent to a vehicle, in the order of the record."""
-    return [recorded["effect"] for recorded in effects(folder, "SwapMission")]
+    return [recorded["effect"]["mission"] for recorded in effects(folder, "SwapMission")]
 
 
 def n_items(folder: Path) -> float:
@@ -103,8 +104,9 @@ def test_a_first_track_is_no_worse_than_its_route(seed: int) -> None:
     for task in scenario(ExposureMeasure.ENTERED, seed).tasks:
         state = initial_state(task, scenario(ExposureMeasure.ENTERED, seed).prior)
         state, _ = step(state, ev.Ready(), 0.0)
-        state, (swap,) = step(state, ev.Tick(), 1.0)
-        assert isinstance(swap, ev.SwapMission)
+        state, (effect,) = step(state, ev.Tick(), 1.0)
+        assert isinstance(effect, ev.SwapMission)
+        swap = effect.mission
         assert swap.track is not None
         p_s = state.plans.exposure
         assert p_s is not None
@@ -130,8 +132,9 @@ def test_the_chance_at_take_off_is_computed_for_the_track_with_the_belief_at_tak
     seen = Observation(9, 1, 0.0, tuple((12, col, (12, col) in plain.hostiles) for col in range(16)))
     belief = plain.prior.merge((seen,))
     state, _ = step(initial_state(task, belief), ev.Ready(), 0.0)
-    _, (swap,) = step(state, ev.Tick(), 1.0)
-    assert isinstance(swap, ev.SwapMission)
+    _, (effect,) = step(state, ev.Tick(), 1.0)
+    assert isinstance(effect, ev.SwapMission)
+    swap = effect.mission
     assert swap.track is not None
     assert swap.track.over != swap.cells
     statistics = FlightStatistics()
@@ -179,7 +182,7 @@ def test_w_weighs_turns_only_for_planners_that_use_it() -> None:
 # --- one vehicle under way
 
 
-def on_a_skew_track() -> tuple[Story, ev.SwapMission, Track]:
+def on_a_skew_track() -> tuple[Story, PlannedMission, Track]:
     """Return a vehicle that flies a skew track over cells known to be clear, its mission and its track."""
     plain, story = scenario(ExposureMeasure.ENTERED), Story()
     story.state = initial_state(replace(plain.tasks[0], entry=(0, 0), goals=((5, 14),)), plain.prior)

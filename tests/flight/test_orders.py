@@ -173,7 +173,7 @@ def test_an_agent_answers_an_order_by_its_phase(
     story = begun()
     effects = story(ev.OperatorCommand(order, 7))
     (answer,) = (e for e in effects if isinstance(e, ev.Answer))
-    assert (answer.command, answer.answer.uav, answer.answer.name) == (7, 1, "uav1")
+    assert (answer.request_id, answer.answer.uav, answer.answer.name) == (7, 1, "uav1")
     assert answer.answer.outcome == outcome
     assert note in answer.answer.note
     assert bool(note) == bool(answer.answer.note)

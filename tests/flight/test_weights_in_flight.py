@@ -38,7 +38,7 @@ HOSTILE = (4, 3, True)
 
 def answer_to(effects: list[ev.Effect], command: int) -> VehicleAnswer:
     (answer,) = (e for e in effects if isinstance(e, ev.Answer))
-    assert answer.command == command
+    assert answer.request_id == command
     return answer.answer
 
 
@@ -305,7 +305,7 @@ def test_routes_change_from_the_answered_plan_on(flown: Flown) -> None:
     changed = 0
     for uav in (1, 2, 3):
         for recorded in effects(flown.folder, "SwapMission", f"uav{uav}"):
-            swap = recorded["effect"]
+            swap = recorded["effect"]["mission"]
             if swap["plan_id"] >= from_plan.get(uav, math.inf):
                 assert swap["cost"] == pytest.approx(swap["exposure_sum"])  # Eq. 5 at w = 1
                 changed += 1

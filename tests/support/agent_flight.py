@@ -20,6 +20,7 @@ from swarmctl.core.geo import LocalFrame
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.observation import Observation
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.mavlink.events import ProcedureDone
 from swarmctl.mavlink.procedures import basic
 
@@ -44,12 +45,12 @@ class AgentFlight:
         prior = Belief.prior(GRID.rows, GRID.cols, 12)
         self.state = initial_state(TASK, prior)
         self.flown: list[PlanarPoint] = []
-        self.swaps: list[ev.SwapMission] = []
-        self.planned: list[ev.SwapMission] = []
+        self.swaps: list[PlannedMission] = []
+        self.planned: list[PlannedMission] = []
         """all plans, the plan for the launch first"""
         self.ended: list[ev.Event] = []
         self._seen = len(self.bench.events)
-        self._pending: ev.SwapMission | None = None
+        self._pending: PlannedMission | None = None
         self._seq = 0
         self(ev.Ready())
         self.tick()
@@ -68,14 +69,14 @@ class AgentFlight:
 
     def _perform(self, effect: ev.Effect) -> None:
         if isinstance(effect, ev.SwapMission):
-            self._pending = effect
-            self.planned.append(effect)
+            mission = self._pending = effect.mission
+            self.planned.append(mission)
             if self.state.phase in ON_GROUND:
-                items = self.bench.session.mission_items(effect.plan)
+                items = self.bench.session.mission_items(mission.plan)
                 self.bench.begin("upload", lambda c: basic.upload(c, items))
                 return
-            self.swaps.append(effect)
-            self.bench.begin("swap", partial(basic.swap, plan=effect.plan))
+            self.swaps.append(mission)
+            self.bench.begin("swap", partial(basic.swap, plan=mission.plan))
         elif isinstance(effect, ev.Command):
             assert effect.order is ev.FlightOrder.LAUNCH, effect
             self.bench.begin("launch", basic.launch)

@@ -19,6 +19,7 @@ from swarmctl.core.frames import IntentPoint, StateShared
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.observation import Observation
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import Landed, VehicleState
@@ -71,7 +72,7 @@ class Story:
     def tick(self) -> list[ev.Effect]:
         return self(ev.Tick()) if needs_tick(self.state, self.now) else []
 
-    def swap(self) -> ev.SwapMission:
+    def swap(self) -> PlannedMission:
         (effect,) = swaps(self.tick())
         return effect
 
@@ -159,8 +160,8 @@ def publications(effects: list[ev.Effect], kind: type[Kind] = object) -> list[Ki
     return [e.message for e in effects if isinstance(e, ev.Publish) and isinstance(e.message, kind)]
 
 
-def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
-    return [effect for effect in effects if isinstance(effect, ev.SwapMission)]
+def swaps(effects: list[ev.Effect]) -> list[PlannedMission]:
+    return [effect.mission for effect in effects if isinstance(effect, ev.SwapMission)]
 
 
 def answers(effects: list[ev.Effect]) -> list[VehicleAnswer]:

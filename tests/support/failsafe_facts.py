@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from swarmctl.agent.failsafes.base import Demand, FailsafeFacts, Rule
-from swarmctl.core.events import SwapMission
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed, VehicleState
 
@@ -32,10 +32,10 @@ def at(east_m: float, north_m: float, **changes: Any) -> VehicleState:
     return replace(flies, **changes)
 
 
-def route_over(plan_id: int, *points_m: tuple[float, float]) -> SwapMission:
+def route_over(plan_id: int, *points_m: tuple[float, float]) -> PlannedMission:
     """Return a plan over these points (east, north) [m]."""
     *track, landing = (Waypoint(*FRAME.to_geodetic(*point), 30.0) for point in points_m)
-    return SwapMission(plan_id, FlightPlan(30.0, tuple(track), landing), (), (), 0.0, 0.0, 1.0, 0.0)
+    return PlannedMission(plan_id, FlightPlan(30.0, tuple(track), landing), (), (), 0.0, 0.0, 1.0, 0.0)
 
 
 def facts(vehicle: VehicleState | None = None, **changes: Any) -> FailsafeFacts:
@@ -45,7 +45,7 @@ def facts(vehicle: VehicleState | None = None, **changes: Any) -> FailsafeFacts:
         FRAME,
         activity="mission",
         own_roles=frozenset({"mission"}),
-        route=route_over(1, (100.0, 0.0), (1000.0, 0.0)),
+        mission=route_over(1, (100.0, 0.0), (1000.0, 0.0)),
     )
     return replace(known, **changes)
 

@@ -157,7 +157,7 @@ def _plans(monitor: FlightMonitor, folder: Path, uav: int, name: str) -> list[tu
     dialect, spec = _dialect(monitor, uav), monitor.drawn.scenario.specs[uav - 1]
     ways = []
     for recorded in effects(folder, "SwapMission", name):
-        plan = msgspec.convert(recorded["effect"]["plan"], FlightPlan)
+        plan = msgspec.convert(recorded["effect"]["mission"]["plan"], FlightPlan)
         items = dialect.mission_items(plan, spec.start)
         ways += [(recorded["now_s"], items_from(items, i)) for i in range(len(items))]
     return ways

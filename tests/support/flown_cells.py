@@ -47,7 +47,7 @@ class Flown:
 def flown(run: Path, name: str, fixes: Sequence[Fix], grid: Grid, until_s: float = math.inf) -> Flown:
     """Return the account of one vehicle, with distances up to a time."""
     account = next(one for one in summary(run)["vehicles"] if one["name"] == name)
-    plans = [(one["log_time_ns"] / NS, one["effect"]) for one in effects(run, "SwapMission", name)]
+    plans = [(one["log_time_ns"] / NS, one["effect"]["mission"]) for one in effects(run, "SwapMission", name)]
     off_plan, east_m = [], []
     for fix in fixes:
         if fix.at_s < until_s:

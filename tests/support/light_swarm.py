@@ -24,6 +24,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.mavlink.telemetry.presence import LOST_EVERY_S
 
@@ -115,8 +116,8 @@ class LightAgent:
                 self.vehicle.take_setpoint(setpoint)
             case ev.SetSpeed(speed_m_s):
                 self._begin(lambda job: self._later(job, 0.2, lambda: self._set_speed(speed_m_s)))
-            case ev.SwapMission():
-                self._begin(lambda job: self._swap(effect, job))
+            case ev.SwapMission(mission):
+                self._begin(lambda job: self._swap(mission, job))
             case ev.Command(order):
                 self._begin(lambda job: self._order(order, job, self.swarm.now + ORDER_FAILS_AFTER_S))
             case ev.LaunchConflict(text):
@@ -150,18 +151,18 @@ class LightAgent:
         now = self.swarm.now
         return not any(a <= now < b for a, b in (*self.silent, *self.failing))
 
-    def _swap(self, swap: ev.SwapMission, job: int) -> None:
+    def _swap(self, swap: PlannedMission, job: int) -> None:
         if self.state.phase in ON_GROUND:
             self._later(job, 0.3, lambda: self._upload(swap))
             return
         began_s = self.swarm.now
         self._later(job, self.swap_s, lambda: self._take(swap, began_s))
 
-    def _upload(self, swap: ev.SwapMission) -> None:
+    def _upload(self, swap: PlannedMission) -> None:
         self.vehicle.set_mission(swap.plan)
         self(ev.MissionAccepted(swap.plan_id, self.swap_s))
 
-    def _take(self, swap: ev.SwapMission, began_s: float) -> None:
+    def _take(self, swap: PlannedMission, began_s: float) -> None:
         vehicle, plan = self.vehicle, swap.plan
         if not self._reaches():
             flying: ev.PlanAfterFailure = "hold" if vehicle.mode == "hold" else "old"

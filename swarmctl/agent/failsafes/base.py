@@ -8,9 +8,9 @@ from typing import Any, Literal, Protocol
 
 import msgspec
 
-from swarmctl.core.events import SwapMission
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.section import Section
 from swarmctl.core.vehicle import VehicleState
 
@@ -73,8 +73,8 @@ class FailsafeFacts(msgspec.Struct, frozen=True):
     """True while the link is lost; `vehicle` is old then"""
     telemetry_is_late: bool = False
     """True while telemetry is too old to show another operator's action"""
-    route: SwapMission | None = None
-    """the plan that the vehicle has to fly now; None during a mission change, or if there is no mission"""
+    mission: PlannedMission | None = None
+    """the mission that the vehicle has to fly now; None during a mission change, or if there is none"""
     fence: Fence | None = None
     turn_radius_m: float = 0.0
     """turn radius of a fixed wing; 0: a copter"""
@@ -90,10 +90,10 @@ class FailsafeFacts(msgspec.Struct, frozen=True):
         return None if lat_lon is None else self.frame.to_local(*lat_lon)
 
     def track_m(self) -> tuple[PlanarPoint, ...]:
-        """Return the waypoints and the landing spot of `route` in `frame` [m]; empty without a route."""
-        if self.route is None:
+        """Return the waypoints and the landing spot of `mission` in `frame` [m]; empty without one."""
+        if self.mission is None:
             return ()
-        points = (*self.route.plan.waypoints, self.route.plan.landing)
+        points = (*self.mission.plan.waypoints, self.mission.plan.landing)
         return tuple(self.frame.to_local(point.lat_deg, point.lon_deg) for point in points)
 
 

@@ -24,6 +24,7 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.returning import start_return, wait_to_return
 from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.core import events as ev
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 
 _ACTIVITY_OF_PHASE: dict[Phase, FlightActivity] = {
@@ -101,7 +102,7 @@ def failsafe_facts(state: AgentState) -> FailsafeFacts:
         orders_given=state.order.n_given,
         lost=state.lost,
         telemetry_is_late=state.telemetry_is_late,
-        route=_active_route(state),
+        mission=_active_mission(state),
         fence=state.task.fence,
         turn_radius_m=0.0 if state.task.wings is None else state.task.turn_radius_m,
     )
@@ -113,7 +114,7 @@ def _activity(state: AgentState) -> FlightActivity:
     return _ACTIVITY_OF_PHASE.get(state.phase, "ground")
 
 
-def _active_route(state: AgentState) -> ev.SwapMission | None:
+def _active_mission(state: AgentState) -> PlannedMission | None:
     is_flown = state.phase is Phase.FLYING and state.plans.pending is None
     return state.plans.mission if is_flown else None
 

@@ -110,7 +110,7 @@ def _leaves_fence(
     here: PlanarPoint,
 ) -> bool:
     """Return whether a vehicle off its route would leave the fence before it can stop or turn."""
-    if memory.course is None or facts.route is None:
+    if memory.course is None or facts.mission is None:
         return False
     speed_m_s = facts.vehicle.ground_speed_m_s
     braking_m = facts.turn_radius_m or speed_m_s * speed_m_s / (2.0 * DECELERATION_M_S2)

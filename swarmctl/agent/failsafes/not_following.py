@@ -42,15 +42,15 @@ class NotFollowingMemory(msgspec.Struct, frozen=True):
 def evaluate(
     params: Params, memory: NotFollowingMemory | None, facts: FailsafeFacts, now: float
 ) -> tuple[NotFollowingMemory | None, Demand | None]:
-    here, route = facts.position_m, facts.route
+    here, mission = facts.position_m, facts.mission
     if facts.activity != "mission":
         return None, None
-    if route is None or here is None or facts.lost:
+    if mission is None or here is None or facts.lost:
         # If data are missing, all durations restart, and a demand stays.
         kept = None if memory is None else memory.demanded
         return memory and NotFollowingMemory(memory.plan_id, memory.track_m, demanded=kept), kept
-    if memory is None or memory.plan_id != route.plan_id:
-        memory = NotFollowingMemory(route.plan_id, (here, *facts.track_m()))
+    if memory is None or memory.plan_id != mission.plan_id:
+        memory = NotFollowingMemory(mission.plan_id, (here, *facts.track_m()))
     away_m = distance_to_track(here, memory.track_m)
     is_still = (
         facts.vehicle.ground_speed_m_s < MAX_STILL_M_S and abs(facts.vehicle.climb_m_s) < MAX_STILL_CLIMB_M_S
@@ -68,4 +68,4 @@ def evaluate(
         demanded = Demand(
             DemandKind(params.action), f"the vehicle has not moved for {params.seconds:g} s in mode {mode}"
         )
-    return NotFollowingMemory(route.plan_id, memory.track_m, off_since_s, still_since_s, demanded), demanded
+    return NotFollowingMemory(mission.plan_id, memory.track_m, off_since_s, still_since_s, demanded), demanded

@@ -5,106 +5,151 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.formation.group_planner import first_method, planner_of
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.length_bounds import LeadIn, before_takeoff
-from swarmctl.agent.replan.route_to_mission import (
-    is_track_still_good,
-    mission_for,
-    pulled_track,
-)
+from swarmctl.agent.replan.plans import Plans
+from swarmctl.agent.replan.route_to_mission import is_track_still_good, mission_for, pulled_track
 from swarmctl.agent.replan.spare_time import with_spare_time
 from swarmctl.agent.replan.splice import Splice, splice_on_route, splice_on_track
 from swarmctl.agent.replan.time_bound import (
-    JoiningLeg,
-    ahead_lost_s,
+    FROM_GROUND,
+    Departure,
     arrival_outside_bound_s,
     bounds_of,
+    departure_at,
     is_no_worse,
-    joining_leg,
     lead_in_to,
     route_lost_s,
     route_within_bounds,
-    swap_cost_cells,
 )
 from swarmctl.agent.state import AgentState, Task
-from swarmctl.core import events as ev
 from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.belief import Belief, weighed_occupancy
 from swarmctl.core.exposure import exposure, length_cells
-from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.observation import ObservationId
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners.base import BoundTooTight, Problem, Route, route_of
 from swarmctl.planners.benevolence import OtherVehicle, cell_gains
 
 
-def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
-    """Plan a route from the present belief; change the mission if the new route is better or required."""
+def decide(state: AgentState) -> tuple[Plans, PlannedMission | None]:
+    """Plan a route from the present belief. Return the plans after the decision, and the new mission.
+
+    The new mission is None if the vehicle keeps its present one. Raises Unreachable.
+    """
     p_s = believed_exposure(state.task, state.belief, state.strength, state.own)
-    return _decide_from(state, p_s, splice_on_route(state, p_s))
+    splice = splice_on_route(state, p_s)
+    if _reaches_goal_first(state, splice):
+        return state.plans.kept(p_s), None
+    choice = _choose(state, p_s, splice)
+    is_track_worse = choice.keeps and not is_track_still_good(state, p_s)
+    keeps = choice.keeps and not is_track_worse
+    if not keeps and _is_beside_track(state, splice):
+        # This search began beside the vehicle, but a new route begins at a splice point ahead: search again.
+        state = replace(state, plans=state.plans.searched_beside(must_change=is_track_worse))
+        splice = splice_on_track(state, p_s)
+        if _reaches_goal_first(state, splice):
+            return state.plans.kept(p_s), None
+        choice = _choose(state, p_s, splice)
+        keeps = choice.keeps
+    plans = state.plans.searched(p_s, choice.route, _late_s(state, choice, keeps=keeps))
+    if keeps:
+        return plans.kept(p_s), None
+    mission = _mission_from(state, p_s, choice)
+    return plans.changing_to(mission, state.vehicle.time_boot_s), mission
 
 
-def _decide_from(
-    state: AgentState, p_s: NDArray[np.float64], splice: Splice, *, leaves_track: bool = False
-) -> tuple[AgentState, list[ev.Effect]]:
-    """Plan a route from a splice point; `leaves_track`: the splice point is on a straightened track."""
-    start, joining = splice.kept[-1], joining_leg(state, splice)
+class _Choice(msgspec.Struct, frozen=True):
+    """The best route found from a splice point, beside the rest of the present route."""
+
+    splice: Splice
+    task: Task
+    """the task with the method and the time bound of this search"""
+    problem: Problem
+    lead_in: LeadIn
+    departure: Departure
+    ahead: tuple[Cell, ...] | None
+    """rest of the present route; None: the splice point is not on a present route"""
+    route: Route
+    keeps: bool
+    """True: the rest of the present route is as good, and it need not change"""
+
+
+def _choose(state: AgentState, p_s: NDArray[np.float64], splice: Splice) -> _Choice:
+    """Plan a route from a splice point, and compare it with the rest of the present route."""
+    start = splice.kept[-1]
     task = replace(state.task, altitude_m=state.height_m, method=planner_of(state, start))
     task = with_spare_time(state, task)
-    if splice.leaves_ahead and start in task.goals and not state.plans.must_change:
-        # The vehicle would reach its goal before the end of a swap.
-        return replace(state, plans=state.plans.kept(p_s)), []
     present = state.plans.mission
     ahead = None if present is None or splice.index is None else present.cells[splice.index :]
     lead_in = lead_in_to(state, splice)
     gain = route_gains(task, p_s, state.belief, state.strength, state.w, state.others, state.own)
     problem = problem_from(task, p_s, start, state.w, lead_in, gain)
-    lost_s = 0.0 if ahead is None else ahead_lost_s(state, ahead, splice)
-    swap_cost = swap_cost_cells(state, lead_in, splice)
-    route, keeps = choose_route(task, problem, ahead, swap_cost, lost_s, joining)
-    is_track_good = leaves_track or not keeps or is_track_still_good(state, p_s)
-    keeps = keeps and is_track_good and not state.plans.must_change
+    departure = departure_at(state, splice, lead_in, ahead)
+    route, keeps = choose_route(task, problem, ahead, departure)
+    keeps = keeps and not state.plans.must_change
+    return _Choice(splice, task, problem, lead_in, departure, ahead, route, keeps)
+
+
+def _reaches_goal_first(state: AgentState, splice: Splice) -> bool:
+    """Return whether the vehicle would reach its goal before the end of a swap that need not be."""
+    is_at_goal = splice.leaves_ahead and splice.kept[-1] in state.task.goals
+    return is_at_goal and not state.plans.must_change
+
+
+def _is_beside_track(state: AgentState, splice: Splice) -> bool:
+    """Return whether a search began beside a copter that flies a straightened track."""
+    present = state.plans.mission
     is_on_track = present is not None and present.track is not None and splice.index is not None
-    if not keeps and not leaves_track and task.wings is None and is_on_track and state.cell is not None:
-        # This search began beside the vehicle, but a new route begins at a splice point ahead: search again.
-        plans = state.plans.searched_beside(must_change=not is_track_good)
-        return _decide_from(replace(state, plans=plans), p_s, splice_on_track(state, p_s), leaves_track=True)
-    length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
-    lost_s = lost_s if keeps else route_lost_s(task, route.cells, joining)
-    is_bounded = state.task.arrival.is_bounded
-    late_s = arrival_outside_bound_s(state, problem, lead_in, length, lost_s) if is_bounded else None
-    plans = state.plans.searched(p_s, route, late_s)
-    if keeps:
-        return replace(state, plans=plans.kept(p_s)), []
-    route = _with_kept_cells(task, problem, route, splice)
+    return is_on_track and state.task.wings is None and state.cell is not None
+
+
+def _late_s(state: AgentState, choice: _Choice, *, keeps: bool) -> float | None:
+    """Return the predicted arrival after the take-off [s]; None for an arrival within the time bound."""
+    if not state.task.arrival.is_bounded:
+        return None
+    if keeps and choice.ahead is not None:
+        length, lost_s = length_cells(choice.ahead), choice.departure.ahead_lost_s
+    else:
+        length = choice.route.length_cells
+        lost_s = route_lost_s(choice.task, choice.route.cells, choice.departure)
+    return arrival_outside_bound_s(state, choice.problem, choice.lead_in, length, lost_s)
+
+
+def _mission_from(state: AgentState, p_s: NDArray[np.float64], choice: _Choice) -> PlannedMission:
+    """Return the mission of a new route, with the kept part of the present one."""
+    splice, task, problem = choice.splice, choice.task, choice.problem
+    route = _with_kept_cells(task, problem, choice.route, splice)
     # A lattice route is left at a cell's centre, so the new route begins on the lattice, too.
     on_lattice = splice.leaves_ahead and not splice.lead_waypoints
     track = None if on_lattice else pulled_track(task, problem, route)
-    position = _position_in_flight(state)
+    position = state.vehicle.lat_lon if state.phase is Phase.FLYING else None
     plan = mission_for(task, p_s, route, track, position, splice)
     if position is not None:
         begins = Waypoint(*position, state.height_m)
         plan = replace(plan, begins=begins, from_hold=state.plans.hold_is_own)
-    swap = swap_to(state, plan, route, track, state.plans.because)
-    return replace(state, plans=plans.sent(swap, state.vehicle.time_boot_s)), [swap]
+    return planned_mission(state, plan, route, track, state.plans.because)
 
 
-def swap_to(
+def planned_mission(
     state: AgentState,
     plan: FlightPlan,
     route: Route,
     track: Track | None = None,
-    because: tuple[ev.ObservationId, ...] = (),
-) -> ev.SwapMission:
-    """Return the change to a mission that flies a route, or its straightened track."""
+    because: tuple[ObservationId, ...] = (),
+) -> PlannedMission:
+    """Return the mission that flies a route, or its straightened track."""
     flown = route if track is None else track
-    return ev.SwapMission(
+    return PlannedMission(
         plan_id=state.plans.next_plan_id,
         plan=plan,
         cells=route.cells,
@@ -119,23 +164,17 @@ def swap_to(
 
 
 def choose_route(
-    task: Task,
-    problem: Problem,
-    ahead: tuple[Cell, ...] | None,
-    swap_cost: float = 0.0,
-    lost_s: float = 0.0,
-    joining: JoiningLeg | None = None,
+    task: Task, problem: Problem, ahead: tuple[Cell, ...] | None, departure: Departure = FROM_GROUND
 ) -> tuple[Route, bool]:
     """Return the best route found, and whether the rest of the present route, `ahead`, is as good.
 
-    `ahead` is None for a vehicle without a route. The other arguments are those of `is_no_worse`. Raises
-    Unreachable.
+    `ahead` is None for a vehicle without a route. Raises Unreachable.
     """
     try:
-        route = route_within_bounds(task, problem, swap_cost, joining)
+        route = route_within_bounds(task, problem, departure)
     except BoundTooTight as error:
         route = error.nearest  # a late vehicle flies the best route found
-    return route, ahead is not None and is_no_worse(task, problem, ahead, route, swap_cost, lost_s, joining)
+    return route, ahead is not None and is_no_worse(task, problem, ahead, route, departure)
 
 
 def _with_kept_cells(task: Task, problem: Problem, route: Route, splice: Splice) -> Route:
@@ -223,7 +262,3 @@ def problem_from(
     return task.problem(
         p_s, start, w, min_length_cells=bounds.min_cells, max_length_cells=bounds.max_cells, gain=gain
     )
-
-
-def _position_in_flight(state: AgentState) -> LatLon | None:
-    return state.vehicle.lat_lon if state.phase is Phase.FLYING else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from swarmctl.agent.commands import RETRY_AFTER_S, StepResult, command, release_vehicle
 from swarmctl.agent.formation.group_plan import plan_in_formation, plan_of_leader
 from swarmctl.agent.own_modes import own_mode_roles
-from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, ON_GROUND, PLANNING, Phase
+from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PLANNING, Phase
 from swarmctl.agent.replan.decide import believed_exposure, decide
 from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
 from swarmctl.agent.replan.stopping import stop_end_s
@@ -26,7 +26,7 @@ MAX_FAILED_SWAPS = 3
 def needs_tick(state: AgentState, now: float) -> bool:
     """Return whether the agent has to decide on a plan now."""
     return (
-        state.plans.dirty
+        state.plans.is_due
         and state.phase in PLANNING
         and state.plans.pending is None
         and not state.waits_for(WaitFor.ROUTE)
@@ -71,12 +71,15 @@ def plan_if_due(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
     if (led := plan_of_leader(state)) is not None:
         return led
     try:
-        state, effects = deconflict(state, decide(state), now)
+        plans, mission = decide(state)
     except Unreachable as error:
         return _handle_unreachable_goal(replace(state, plans=state.plans.unreachable(), trouble=str(error)))
-    is_flown = state.phase in EN_ROUTE and state.plans.mission is not None
-    keeps_plan = is_flown and state.plans.pending is None and not state.plans.dirty
-    return (state.without_trouble() if keeps_plan else state), effects
+    if mission is None:
+        state = replace(state, plans=plans)
+        return (state.without_trouble() if state.phase is Phase.FLYING else state), []
+    if state.phase is Phase.FLYING:
+        return deconflict(state, plans, mission, now)
+    return replace(state, plans=plans), [ev.SwapMission(mission)]
 
 
 def _handle_unreachable_goal(state: AgentState) -> StepResult:
@@ -89,14 +92,14 @@ def _handle_unreachable_goal(state: AgentState) -> StepResult:
 
 
 def mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) -> StepResult:
-    swap = state.plans.pending
-    if swap is None or swap.plan_id != event.plan_id:
+    mission = state.plans.pending
+    if mission is None or mission.plan_id != event.plan_id:
         return state, []
-    state = replace(state, plans=state.plans.verified(swap))
+    state = replace(state, plans=state.plans.verified(mission))
     if state.ended:
         return state, []
     # The vehicle has flown on since the decision.
-    state = replace(state, plans=state.plans.taken(swap), trouble="").with_progress()
+    state = replace(state, plans=state.plans.taken(mission), trouble="").with_progress()
     # A mode change during the swap may have reset the commanded speed.
     state = replace(state, speed=state.speed.unknown())
     if state.phase in IN_FLIGHT:
@@ -110,8 +113,8 @@ def mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) 
 
 
 def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> StepResult:
-    swap = state.plans.pending
-    if swap is None or swap.plan_id != event.plan_id:
+    mission = state.plans.pending
+    if mission is None or mission.plan_id != event.plan_id:
         return state, []
     # A mode change during the swap may have reset the speed.
     speed, plans = state.speed.unknown(), state.plans.failed(event, state.vehicle.time_boot_s)
@@ -122,7 +125,7 @@ def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> St
         return release_vehicle(state, event.reason)
     if state.phase is Phase.LANDING and event.flying == "hold" and state.wait is not None:
         return hold_before_landing(state, state.wait.to)  # others may be below this place
-    if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
+    if state.phase is Phase.LANDING and (event.flying != "old" or mission.plan.from_hold):
         # The vehicle may hold in its goal cell, so it has to land there.
         return command(state, ev.FlightOrder.LAND)
     # Without an announcement others expect the flight by the new plan, for long if the link is lost.
@@ -133,5 +136,5 @@ def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> St
     if state.plans.swaps.n_failed >= MAX_FAILED_SWAPS:
         return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
     retry_at_s = now if event.is_late else now + RETRY_AFTER_S
-    plans = state.plans.again(swap, retry_at_s, flies_old=event.flying == "old")
+    plans = state.plans.again(mission, retry_at_s, flies_old=event.flying == "old")
     return replace(state, plans=plans).with_new_flight(), []

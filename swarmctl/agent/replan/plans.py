@@ -13,22 +13,24 @@ from numpy.typing import NDArray
 
 from swarmctl.agent.replan.swap_times import SwapHistory, SwapTimes
 from swarmctl.core import events as ev
+from swarmctl.core.observation import ObservationId
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.planners.base import Route
 
 
 class Plans(msgspec.Struct, frozen=True):
-    mission: ev.SwapMission | None = None
+    mission: PlannedMission | None = None
     """mission being flown, or to be flown after the launch; None while a hold on the route interrupts it"""
-    accepted: ev.SwapMission | None = None
+    accepted: PlannedMission | None = None
     """last mission verified on the vehicle, flown or not"""
-    pending: ev.SwapMission | None = None
+    pending: PlannedMission | None = None
     """mission being uploaded"""
-    dirty: bool = False
+    is_due: bool = False
     """True: the agent has to decide on a plan"""
     must_change: bool = False
     """True: the next plan is flown even if it is no better"""
-    because: tuple[ev.ObservationId, ...] = ()
+    because: tuple[ObservationId, ...] = ()
     """names of the observations merged since the last decision, and those of a failed mission change"""
     retry_at_s: float = -math.inf
     """earliest next decision, by the run's clock"""
@@ -51,18 +53,18 @@ class Plans(msgspec.Struct, frozen=True):
 
     # --- the need for a decision
 
-    def due(self, because: tuple[ev.ObservationId, ...] = (), *, must_change: bool = False) -> Plans:
+    def due(self, because: tuple[ObservationId, ...] = (), *, must_change: bool = False) -> Plans:
         """Return the plans of a vehicle that has to decide; `because` are the names of new observations."""
         return replace(
             self,
-            dirty=True,
+            is_due=True,
             because=(*self.because, *because),
             must_change=self.must_change or must_change,
         )
 
     def not_due(self) -> Plans:
         """Return the plans of a vehicle that needs no decision now."""
-        return replace(self, dirty=False)
+        return replace(self, is_due=False)
 
     def not_before(self, retry_at_s: float) -> Plans:
         """Return the plans with an earliest time of the next decision, by the run's clock [s]."""
@@ -73,7 +75,7 @@ class Plans(msgspec.Struct, frozen=True):
     def searched(self, p_s: NDArray[np.float64], planned: Route, late_s: float | None) -> Plans:
         """Return the plans after a search by the exposure `p_s`."""
         searches = self.searches + 1
-        return replace(self, exposure=p_s, planned=planned, late_s=late_s, searches=searches, dirty=False)
+        return replace(self, exposure=p_s, planned=planned, late_s=late_s, searches=searches, is_due=False)
 
     def searched_beside(self, *, must_change: bool) -> Plans:
         """Return the plans after a search that only shows that another search has to follow."""
@@ -81,28 +83,28 @@ class Plans(msgspec.Struct, frozen=True):
 
     def kept(self, p_s: NDArray[np.float64]) -> Plans:
         """Return the plans after the decision to keep the route by the exposure `p_s`."""
-        return replace(self, exposure=p_s, route_exposure=p_s, dirty=False, because=())
+        return replace(self, exposure=p_s, route_exposure=p_s, is_due=False, because=())
 
     def observed(self, p_s: NDArray[np.float64]) -> Plans:
         """Return the plans of a vehicle off its route that knows the exposure `p_s` now."""
-        return replace(self, exposure=p_s, dirty=False, because=())
+        return replace(self, exposure=p_s, is_due=False, because=())
 
-    def sent(self, mission: ev.SwapMission, boot_s: float) -> Plans:
+    def changing_to(self, mission: PlannedMission, boot_s: float) -> Plans:
         """Return the plans after the decision for a new plan, at `boot_s` by the vehicle's clock."""
         swaps = replace(self.swaps, decided_boot_s=boot_s)
         return replace(self.uploading(mission), because=(), must_change=False, swaps=swaps)
 
-    def uploading(self, mission: ev.SwapMission) -> Plans:
+    def uploading(self, mission: PlannedMission) -> Plans:
         """Return the plans while a mission is being uploaded."""
         return replace(self, pending=mission, next_plan_id=max(self.next_plan_id, mission.plan_id + 1))
 
-    def deferred(self, before: Plans, because: tuple[ev.ObservationId, ...]) -> Plans:
+    def deferred(self, before: Plans, because: tuple[ObservationId, ...]) -> Plans:
         """Return the plans after a decision whose plan is tried again; `before`: those at the decision."""
         return replace(
             self,
             pending=None,
             because=because,
-            dirty=True,
+            is_due=True,
             must_change=before.must_change,
             late_s=before.late_s,
             swaps=before.swaps,
@@ -110,15 +112,15 @@ class Plans(msgspec.Struct, frozen=True):
 
     def unreachable(self) -> Plans:
         """Return the plans after a search without a route to a goal."""
-        return replace(self, dirty=False, because=())
+        return replace(self, is_due=False, because=())
 
     # --- the outcome of a mission change
 
-    def verified(self, mission: ev.SwapMission) -> Plans:
+    def verified(self, mission: PlannedMission) -> Plans:
         """Return the plans after the vehicle has accepted a mission."""
         return replace(self, accepted=mission, pending=None)
 
-    def taken(self, mission: ev.SwapMission) -> Plans:
+    def taken(self, mission: PlannedMission) -> Plans:
         """Return the plans of a vehicle that flies, or will fly, an accepted mission."""
         return replace(self.afresh(), mission=mission, route_exposure=self.exposure, hold_is_own=False)
 
@@ -142,14 +144,14 @@ class Plans(msgspec.Struct, frozen=True):
         )
         return replace(self, pending=None, swaps=swaps, swap_times=times, hold_is_own=event.flying == "hold")
 
-    def again(self, mission: ev.SwapMission, retry_at_s: float, *, flies_old: bool) -> Plans:
+    def again(self, mission: PlannedMission, retry_at_s: float, *, flies_old: bool) -> Plans:
         """Return the plans that follow the failure of `mission`: a new decision from `retry_at_s` on.
 
         A vehicle that no longer flies its old mission has none, so it takes any new plan.
         """
         return replace(
             self,
-            dirty=True,
+            is_due=True,
             because=(*mission.because, *self.because),
             retry_at_s=retry_at_s,
             mission=self.mission if flies_old else None,
@@ -165,7 +167,7 @@ class Plans(msgspec.Struct, frozen=True):
         """Return the plans of a vehicle that leaves its mission."""
         return replace(self, mission=None)
 
-    def with_mission(self, mission: ev.SwapMission | None) -> Plans:
+    def with_mission(self, mission: PlannedMission | None) -> Plans:
         """Return the plans of a vehicle that goes on by an interrupted mission."""
         return replace(self, mission=mission)
 

@@ -210,18 +210,18 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
 
 def is_track_still_good(state: AgentState, p_s: NDArray[np.float64]) -> bool:
     """Return whether the present track is still as good as its route; True if there is no track."""
-    task, swap, progress = state.task, state.plans.mission, state.progress
-    if swap is None or swap.track is None or task.any_angle is None or state.plans.route_exposure is None:
+    task, mission, progress = state.task, state.plans.mission, state.progress
+    if mission is None or mission.track is None or progress is None:
         return True
-    if progress is None:
+    if task.any_angle is None or state.plans.route_exposure is None:
         return True
     size_m = task.grid.cell_size_m
     return pull.is_still_good(
         ThreatMap.of(p_s, task.max_exposure),
         ThreatMap.of(state.plans.route_exposure, task.max_exposure),
         task.any_angle,
-        swap.cells,
-        swap.track,
+        mission.cells,
+        mission.track,
         radius_cells=task.turn_radius_m / size_m,
         here=(progress.here[0] / size_m, progress.here[1] / size_m),
         index=progress.cell_index,

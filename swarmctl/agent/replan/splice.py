@@ -65,10 +65,10 @@ class Splice(msgspec.Struct, frozen=True):
 
 def splice_on_route(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
     """Return the splice for a new route from the present lattice route, or from a fixed wing's track."""
-    task, swap, progress, at_once = state.task, state.plans.mission, state.progress, leaving_at_once(state)
-    if swap is None or progress is None or at_once.index is None or state.phase is not Phase.FLYING:
+    task, mission, progress, at_once = state.task, state.plans.mission, state.progress, leaving_at_once(state)
+    if mission is None or progress is None or at_once.index is None or state.phase is not Phase.FLYING:
         return at_once
-    cells, index = swap.cells, progress.cell_index
+    cells, index = mission.cells, progress.cell_index
     if task.wings is not None:
         change_s = max(CHANGE_S, state.plans.swap_times.expected_s)
         least_m = TURN_OFF_RADII * task.turn_radius_m + change_s * task.speed_m_s
@@ -77,7 +77,7 @@ def splice_on_route(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
         return Splice(cells[index : last + 1], last)
     near_m = max(NEAR_ROUTE_M, NEAR_ROUTE_CELLS * task.grid.cell_size_m)
     is_near = state.vehicle.mode_role == "mission" and progress.at.cross_track_m <= near_m
-    if swap.track is not None or not is_near:
+    if mission.track is not None or not is_near:
         return at_once
     is_passed, least_m = progress.is_centre_passed, _swap_distance_m(state)
     first = index + 1 if is_passed else index
@@ -113,10 +113,10 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
 
     The new route begins at this centre. A splice point beyond the centre would make the vehicle fly back.
     """
-    swap, progress, grid = state.plans.mission, state.progress, state.task.grid
+    mission, progress, grid = state.plans.mission, state.progress, state.task.grid
     assert state.cell is not None
     at_once, least_m = Splice((state.cell,)), _swap_distance_m(state)
-    if swap is None or progress is None or state.vehicle.mode_role != "mission":
+    if mission is None or progress is None or state.vehicle.mode_role != "mission":
         return at_once
     if least_m > progress.to_last_waypoint_m:
         return at_once
@@ -133,7 +133,7 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
     if cell is None or any(is_wall(state, p_s, at) for at in crossed):
         return at_once
     lead_waypoints = tuple(Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in path[1:])
-    index = swap.cells.index(cell) if cell in swap.cells else None
+    index = mission.cells.index(cell) if cell in mission.cells else None
     return Splice((cell,), index, True, None, False, path[:-1], lead_m, lead_waypoints)
 
 
@@ -152,11 +152,11 @@ def _past_centre_m(grid: Grid, path: Sequence[PlanarPoint]) -> float:
 
 def is_wall_close(state: AgentState, p_s: NDArray[np.float64]) -> bool:
     """Return whether a wall is among the next URGENT_CELLS cells of the route; True if there is no route."""
-    swap = state.plans.mission
-    if swap is None:
+    mission = state.plans.mission
+    if mission is None:
         return True
     entered = 0 if state.progress is None else state.progress.cell_index
-    return any(is_wall(state, p_s, cell) for cell in swap.cells[entered + 1 : entered + 1 + URGENT_CELLS])
+    return any(is_wall(state, p_s, cell) for cell in mission.cells[entered + 1 : entered + 1 + URGENT_CELLS])
 
 
 def may_learn_of_walls(state: AgentState) -> bool:

@@ -10,12 +10,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.replan.decide import believed_exposure, swap_to
+from swarmctl.agent.replan.decide import believed_exposure, planned_mission
 from swarmctl.agent.replan.splice import is_wall
 from swarmctl.agent.state import AgentState
-from swarmctl.core import events as ev
 from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.mission import Waypoint
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 from swarmctl.core.route import cells_between
 from swarmctl.planners.base import route_of
@@ -25,7 +25,7 @@ NEWLY_EXPOSED = 0.1
 SAME_PLACE_M = 0.1
 
 
-def rest_of_stored(state: AgentState, stored: ev.SwapMission) -> ev.SwapMission | None:
+def rest_of_stored(state: AgentState, stored: PlannedMission) -> PlannedMission | None:
     """Return the rest of the stored mission as a new plan: straight from here to its next waypoint, and on.
 
     The result is None if the vehicle must not go on by it: the vehicle may store another mission, its
@@ -35,7 +35,7 @@ def rest_of_stored(state: AgentState, stored: ev.SwapMission) -> ev.SwapMission 
     progress, lat_lon, cell, grid = state.progress, state.vehicle.lat_lon, state.cell, state.task.grid
     if stored is not state.plans.accepted or stored.track is not None or state.vehicle.other_mission:
         return None
-    if progress is None or progress.flight.plan is not stored or lat_lon is None or cell is None:
+    if progress is None or progress.flight.mission is not stored or lat_lon is None or cell is None:
         return None
     track, centres_m = stored.plan.track, progress.flight.centres_m
     n_passed = min(progress.waypoint, len(track) - 1)
@@ -54,7 +54,7 @@ def rest_of_stored(state: AgentState, stored: ev.SwapMission) -> ev.SwapMission 
     route = route_of(problem, cells, cost)
     begins = Waypoint(*lat_lon, state.height_m)
     plan = replace(stored.plan, track=track[n_passed:], begins=begins, leaves_ahead=False, from_hold=True)
-    return swap_to(state, plan, route)
+    return planned_mission(state, plan, route)
 
 
 def _is_barred(state: AgentState, p_s: NDArray[np.float64], cell: tuple[int, int]) -> bool:

@@ -40,22 +40,36 @@ def bounds_of(task: Task, lead_in: LeadIn) -> LengthBounds:
     return length_bounds(task.arrival, task.grid.cell_size_m, lead_in)
 
 
-class JoiningLeg(msgspec.Struct, frozen=True):
-    """The flight of a vehicle to the start of its new route."""
+class Departure(msgspec.Struct, frozen=True):
+    """The flight of a vehicle to the start of a new route, and what it costs to leave the present one."""
 
-    start_delay_s: float
-    """delay of the vehicle's start from a stand [s]"""
+    start_delay_s: float | None = None
+    """delay of the vehicle's start from a stand [s]; None: that of the task"""
     path: tuple[PlanarPoint, ...] = ()
     """points from the vehicle on, without the start of the route"""
     initial_m_s: float = 0.0
     """speed at the first point [m/s]"""
+    swap_cost_cells: float = 0.0
+    """cost of the swap: the standstill, and the flight back to the start of the new route [cells]"""
+    ahead_lost_s: float = 0.0
+    """time lost at turns on the rest of the present route [s]"""
 
 
-def joining_leg(state: AgentState, splice: Splice) -> JoiningLeg:
-    """Return the flight from the vehicle to a new route at the splice point."""
+FROM_GROUND = Departure()
+
+
+def departure_at(
+    state: AgentState, splice: Splice, lead_in: LeadIn, ahead: Sequence[Cell] | None
+) -> Departure:
+    """Return the departure at a splice point from a present route with the rest `ahead`."""
     flies_on = state.plans.swap_times.stop_s == 0.0 and state.vehicle.brakes_m_s2 is None
-    initial_m_s = state.vehicle.ground_speed_m_s if splice.leaves_ahead and flies_on else 0.0
-    return JoiningLeg(state.vehicle.start_delay_s, splice.path, initial_m_s)
+    return Departure(
+        state.vehicle.start_delay_s,
+        splice.path,
+        state.vehicle.ground_speed_m_s if splice.leaves_ahead and flies_on else 0.0,
+        swap_cost_cells(state, lead_in, splice),
+        0.0 if ahead is None else _ahead_lost_s(state, ahead, splice),
+    )
 
 
 def lead_in_to(state: AgentState, splice: Splice) -> LeadIn:
@@ -96,23 +110,23 @@ def swap_cost_cells(state: AgentState, lead_in: LeadIn, splice: Splice) -> float
     return (stands_s * task.speed_m_s + back_m) / task.grid.cell_size_m
 
 
-def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg | None = None) -> float:
+def route_lost_s(task: Task, cells: Sequence[Cell], departure: Departure = FROM_GROUND) -> float:
     """Return the time that a vehicle loses at turns on a route over these cells and on the flight to it [s].
 
-    The result is 0 if there is no latest arrival; `joining` is None for a start from a stop. A straightened
-    track turns less than its route, so a vehicle on a track is earlier.
+    The result is 0 if there is no latest arrival. A straightened track turns less than its route, so a
+    vehicle on a track is earlier.
     """
     if math.isinf(task.arrival.within_s):
         return 0.0
-    joining = joining or JoiningLeg(task.start_delay_s)
-    track = [*joining.path, *(task.grid.centre_m(cell) for cell in cells)]
+    track = [*departure.path, *(task.grid.centre_m(cell) for cell in cells)]
+    delay_s = task.start_delay_s if departure.start_delay_s is None else departure.start_delay_s
     half_m = HALF_CELL * task.grid.cell_size_m
     return lost_s(
         track,
         task.speed_m_s,
-        initial_m_s=joining.initial_m_s,
+        initial_m_s=departure.initial_m_s,
         remaining_m=half_m,
-        start_delay_s=joining.start_delay_s,
+        start_delay_s=delay_s,
     )
 
 
@@ -127,32 +141,30 @@ def misses_by(
     bounds: LengthBounds,
     length: float,
     cells: Sequence[Cell],
-    joining: JoiningLeg | None = None,
+    departure: Departure = FROM_GROUND,
 ) -> float:
     """Return the distance of a route over `cells` from its bounds [cells], with the time lost at turns."""
-    return bounds.misses_by(length, _in_cells(task, route_lost_s(task, cells, joining)))
+    return bounds.misses_by(length, _in_cells(task, route_lost_s(task, cells, departure)))
 
 
-def ahead_lost_s(state: AgentState, ahead: Sequence[Cell], splice: Splice) -> float:
+def _ahead_lost_s(state: AgentState, ahead: Sequence[Cell], splice: Splice) -> float:
     """Return the time lost at turns on the rest of the present route, begun at the present speed [s]."""
     task, progress, delay_s = state.task, state.progress, state.vehicle.start_delay_s
     speed_m_s = state.vehicle.ground_speed_m_s
     if splice.leaves_ahead:
-        return route_lost_s(task, ahead, JoiningLeg(delay_s, splice.path, speed_m_s))
+        return route_lost_s(task, ahead, Departure(delay_s, splice.path, speed_m_s))
     if state.launch.armed_boot_s is None or progress is None:
-        return route_lost_s(task, ahead, JoiningLeg(delay_s))
+        return route_lost_s(task, ahead, Departure(delay_s))
     over = ahead[1:] if splice.index == progress.cell_index and len(ahead) > 1 else ahead
-    return route_lost_s(task, over, JoiningLeg(delay_s, (progress.here,), speed_m_s))
+    return route_lost_s(task, over, Departure(delay_s, (progress.here,), speed_m_s))
 
 
 def _in_cells(task: Task, seconds: float) -> float:
     return seconds * task.speed_m_s / task.grid.cell_size_m
 
 
-def route_within_bounds(
-    task: Task, problem: Problem, swap_cost: float = 0.0, joining: JoiningLeg | None = None
-) -> Route:
-    """Return a route that meets the bounds even with the cost `swap_cost` [cells] of the swap.
+def route_within_bounds(task: Task, problem: Problem, departure: Departure = FROM_GROUND) -> Route:
+    """Return a route that meets the bounds even with the cost of the swap.
 
     If no such route is found, the result meets the bounds without that cost. Raises Unreachable, or
     BoundTooTight if the search finds no such route either.
@@ -160,18 +172,18 @@ def route_within_bounds(
     bounds = _bounds(problem)
     if math.isinf(bounds.max_cells):
         return task.method.plan(problem)
-    if swap_cost > 0.0:
+    if departure.swap_cost_cells > 0.0:
         try:
-            return _plan_with_turn_losses(task, problem, bounds.with_reserve(swap_cost).max_cells, joining)
+            return _plan_with_turn_losses(
+                task, problem, bounds.with_reserve(departure.swap_cost_cells).max_cells, departure
+            )
         except BoundTooTight as error:
-            if _misses_by(task, bounds, error.nearest, joining) == 0.0:
+            if _misses_by(task, bounds, error.nearest, departure) == 0.0:
                 return error.nearest
-    return _plan_with_turn_losses(task, problem, bounds.max_cells, joining)
+    return _plan_with_turn_losses(task, problem, bounds.max_cells, departure)
 
 
-def _plan_with_turn_losses(
-    task: Task, problem: Problem, latest_cells: float, joining: JoiningLeg | None
-) -> Route:
+def _plan_with_turn_losses(task: Task, problem: Problem, latest_cells: float, departure: Departure) -> Route:
     """Return a route of at most `latest_cells`, with the time lost at turns counted as length.
 
     Planners bound the length alone. So the loss of each route found sets the bound of the next search, until
@@ -186,14 +198,14 @@ def _plan_with_turn_losses(
             route = task.method.plan(replace(problem, max_length_cells=greatest))
         except BoundTooTight as error:
             route, greatest = error.nearest, bounds.min_cells
-        if _misses_by(task, bounds, route, joining) == 0.0:
+        if _misses_by(task, bounds, route, departure) == 0.0:
             return route
         seen.append(route)
         if greatest == bounds.min_cells:
             break
-        greatest = latest_cells - _in_cells(task, route_lost_s(task, route.cells, joining))
-    nearest = min(seen, key=lambda route: _misses_by(task, bounds, route, joining))
-    lost = _in_cells(task, route_lost_s(task, nearest.cells, joining))
+        greatest = latest_cells - _in_cells(task, route_lost_s(task, route.cells, departure))
+    nearest = min(seen, key=lambda route: _misses_by(task, bounds, route, departure))
+    lost = _in_cells(task, route_lost_s(task, nearest.cells, departure))
     text = f"no route found is at most {latest_cells:.2f} cells long with the loss at turns; the nearest "
     text += (
         f"has {nearest.length_cells:.2f} cells and loses {lost:.2f}; allow a later arrival or a higher speed"
@@ -201,8 +213,8 @@ def _plan_with_turn_losses(
     raise BoundTooTight(text, nearest)
 
 
-def _misses_by(task: Task, bounds: LengthBounds, route: Route, joining: JoiningLeg | None) -> float:
-    return misses_by(task, bounds, route.length_cells, route.cells, joining)
+def _misses_by(task: Task, bounds: LengthBounds, route: Route, departure: Departure) -> float:
+    return misses_by(task, bounds, route.length_cells, route.cells, departure)
 
 
 def is_no_worse(
@@ -210,20 +222,17 @@ def is_no_worse(
     problem: Problem,
     ahead: tuple[Cell, ...],
     route: Route,
-    swap_cost: float,
-    lost_s: float = 0.0,
-    joining: JoiningLeg | None = None,
+    departure: Departure,
 ) -> bool:
-    """Return whether the rest of the present route is open and at least as good as a new route.
+    """Return whether the rest of the present route, `ahead`, is open and at least as good as a new route.
 
-    The present route, `ahead`, loses `lost_s` at turns. The swap to the new route costs `swap_cost` [cells].
     If either route misses the bounds, the route that misses the bounds by less is better.
     """
     if not is_open(problem, ahead):
         return False
     bounds = _bounds(problem)
-    misses = bounds.misses_by(length_cells(ahead), _in_cells(task, lost_s))
-    would_miss = _misses_by(task, bounds.with_reserve(swap_cost), route, joining)
+    misses = bounds.misses_by(length_cells(ahead), _in_cells(task, departure.ahead_lost_s))
+    would_miss = _misses_by(task, bounds.with_reserve(departure.swap_cost_cells), route, departure)
     if misses > 0.0 or would_miss > 0.0:
         return misses <= would_miss
     return task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_COST_SHARE)

@@ -262,22 +262,24 @@ def _landing_spot(state: AgentState) -> PlanarPoint:
 
 def _land(state: AgentState) -> StepResult:
     """Order the landing if the vehicle is at its landing spot; otherwise upload a mission to the spot."""
-    swap, here, spot = state.interrupted, position_of(state), _landing_spot(state)
-    assert swap is not None
+    present, here, spot = state.interrupted, position_of(state), _landing_spot(state)
+    assert present is not None
     assert here is not None
     if math.dist(here[:2], spot) <= AT_SPOT_M:
-        return command(state, ev.FlightOrder.LAND, plans=state.plans.with_mission(swap), wait=_ended(state))
+        return command(
+            state, ev.FlightOrder.LAND, plans=state.plans.with_mission(present), wait=_ended(state)
+        )
     begins = Waypoint(*state.task.grid.frame.to_geodetic(*here[:2]), here[2])
-    landing = replace(swap.plan.landing, alt_rel_m=here[2])
-    plan = replace(swap.plan, track=(), landing=landing, begins=begins, leaves_ahead=False, from_hold=True)
-    new = replace(swap, plan_id=state.plans.next_plan_id, plan=plan, because=(), track=None)
+    landing = replace(present.plan.landing, alt_rel_m=here[2])
+    plan = replace(present.plan, track=(), landing=landing, begins=begins, leaves_ahead=False, from_hold=True)
+    new = replace(present, plan_id=state.plans.next_plan_id, plan=plan, because=(), track=None)
     state = replace(
         state,
         wait=_ended(state),
         plans=state.plans.uploading(new).from_own_hold(),
         order=state.order.noted(ev.FlightOrder.LAUNCH),
     )
-    return state.with_new_flight(), [new]
+    return state.with_new_flight(), [ev.SwapMission(new)]
 
 
 def _ended(state: AgentState) -> Wait | None:

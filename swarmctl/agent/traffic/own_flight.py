@@ -41,6 +41,7 @@ from swarmctl.agent.traffic.separation.trajectory import (
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.planned_mission import PlannedMission
 
 HOLD_DURATION_S = 30.0
 """Duration of a hold in an intent [s]."""
@@ -136,7 +137,7 @@ def _lands_beyond(state: AgentState, distance_m: float) -> bool:
     progress, mission = state.progress, state.plans.mission
     if state.phase is not Phase.FLYING or state.plans.pending is not None or state.is_waiting:
         return False
-    if progress is None or mission is None or progress.flight.plan is not mission:
+    if progress is None or mission is None or progress.flight.mission is not mission:
         return False
     return progress.to_landing_m - progress.at.cross_track_m > REACH_FACTOR * distance_m
 
@@ -332,7 +333,7 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
     return None
 
 
-def _points_ahead(state: AgentState, here: LocalPoint, swap: ev.SwapMission) -> Sequence[PlanarPoint]:
+def _points_ahead(state: AgentState, here: LocalPoint, swap: PlannedMission) -> Sequence[PlanarPoint]:
     """Return the waypoints ahead and the landing spot; all of them while the vehicle levels off."""
     ahead = None if _levels_off(state, here, swap.plan) else state.points_ahead(swap)
     return ahead or waypoints_of(state.task, swap.plan)

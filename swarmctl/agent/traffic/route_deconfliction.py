@@ -19,6 +19,7 @@ from __future__ import annotations
 from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import at_height, with_level_off
+from swarmctl.agent.replan.plans import Plans
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
     SEPARATES_WITHIN_S,
@@ -39,6 +40,7 @@ from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 
 RETRY_S = 5.0
@@ -123,16 +125,16 @@ def _gives_way(state: AgentState, other: int, flights: Others) -> bool:
 # --- conflicts of a new plan
 
 
-def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResult:
-    """Upload, change or defer the new plan of a decision in flight, by the table of the module."""
-    state, effects = decided
-    swap = next((effect for effect in effects if isinstance(effect, ev.SwapMission)), None)
-    if swap is None or state.phase is not Phase.FLYING:
-        return decided
-    swap = replace(swap, plan=_with_level_off_if_needed(before, swap.plan))
-    flight = flight_by_plan(before, swap.plan)
-    if before.alarms and climbs_to_give_way(before) and _changes_height(before, swap.plan):
-        return _upload(state, swap)  # an evasive climb comes first
+def deconflict(before: AgentState, plans: Plans, mission: PlannedMission, now: float) -> StepResult:
+    """Upload, change or defer the new mission of a decision in flight, by the table of the module.
+
+    `plans` are those after the decision.
+    """
+    state = replace(before, plans=plans)
+    mission = replace(mission, plan=_with_level_off_if_needed(before, mission.plan))
+    flight = flight_by_plan(before, mission.plan)
+    if before.alarms and climbs_to_give_way(before) and _changes_height(before, mission.plan):
+        return _upload(state, mission)  # an evasive climb comes first
     present_flight = None if before.plans.mission is None else planned_flight(before)
     others = known_flights(state)
     clashes = _clashes(state, flight, others, present_flight)
@@ -147,14 +149,14 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     resolved = before.conflicts.predicted - before.conflicts.deferred_for
     if not clashes:
         state = _counted(state, replace(counts, by_route=counts.by_route + len(resolved)))
-        state, taken = _upload(state, swap)
+        state, taken = _upload(state, mission)
         waited = before.plans.mission is None and before.conflicts.deferred_for
         return state, [
             ev.NotifyOperator("the route is clear of other vehicles; the vehicle resumes it [resumes]"),
             *taken,
         ] if waited else taken
-    for height_m in heights_to_try(state, swap.plan):
-        plan = _with_level_off_if_needed(before, at_height(swap.plan, height_m))
+    for height_m in heights_to_try(state, mission.plan):
+        plan = _with_level_off_if_needed(before, at_height(mission.plan, height_m))
         flight = flight_by_plan(before, plan)
         if _clashes(state, flight, others, present_flight):
             continue
@@ -162,11 +164,13 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         state = _counted(state, replace(counts, by_height=counts.by_height + len(resolved)))
         state = replace(state, height_offset_m=height_m - state.task.altitude_m)
         others_text = describe_clashes(state, clashes)
-        text = f"at {swap.plan.height_m:.0f} m the new route would conflict with {others_text}; the vehicle "
+        text = (
+            f"at {mission.plan.height_m:.0f} m the new route would conflict with {others_text}; the vehicle "
+        )
         text += f"flies the route at {height_m:.0f} m above home"
-        state, taken = _upload(state, replace(swap, plan=plan))
+        state, taken = _upload(state, replace(mission, plan=plan))
         return state, [ev.NotifyOperator(f"{text} [height-change]"), *taken]
-    return _defer(before, state, swap, clashes, others, now)
+    return _defer(before, state, mission, clashes, others, now)
 
 
 def _clashes(
@@ -192,19 +196,19 @@ def _with_level_off_if_needed(before: AgentState, plan: FlightPlan) -> FlightPla
     return with_level_off(before.task, plan, here, before.plans.swap_times.expected_s)
 
 
-def _upload(state: AgentState, swap: ev.SwapMission) -> StepResult:
+def _upload(state: AgentState, mission: PlannedMission) -> StepResult:
     state = replace(
         state,
-        plans=state.plans.uploading(swap),
+        plans=state.plans.uploading(mission),
         conflicts=replace(state.conflicts, predicted=frozenset(), deferred_for=frozenset()),
     )
-    return state.with_new_flight(), [swap]
+    return state.with_new_flight(), [ev.SwapMission(mission)]
 
 
 def _defer(
     before: AgentState,
     state: AgentState,
-    swap: ev.SwapMission,
+    mission: PlannedMission,
     clashes: tuple[Clash, ...],
     flights: Others,
     now: float,
@@ -214,7 +218,7 @@ def _defer(
     new = [clash for clash in clashes if clash.other not in before.conflicts.deferred_for]
     state = replace(
         state,
-        plans=state.plans.deferred(before.plans, swap.because),
+        plans=state.plans.deferred(before.plans, mission.because),
         conflicts=replace(state.conflicts, deferred_for=before.conflicts.deferred_for | others),
     )
     present_clashes = _clashes(state, planned_flight(before), flights)
@@ -238,5 +242,5 @@ def _defer(
     if not holds:
         return state, messages
     conflicts = replace(state.conflicts, predicted=frozenset())
-    state, ordered = hold(state, before.plans.mission or swap, others, conflicts=conflicts)
+    state, ordered = hold(state, before.plans.mission or mission, others, conflicts=conflicts)
     return state, [*messages, *ordered]

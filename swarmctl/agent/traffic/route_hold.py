@@ -49,6 +49,7 @@ from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, be
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 
 RESUME_AFTER_S, CLIMB_AFTER_S = (0.0, 3.0, 6.0), (0.0, 3.0)
@@ -146,7 +147,7 @@ def goes_second(state: AgentState) -> bool:
     )
 
 
-def hold(state: AgentState, mission: ev.SwapMission | None, to: frozenset[int], **changes: Any) -> StepResult:
+def hold(state: AgentState, mission: PlannedMission | None, to: frozenset[int], **changes: Any) -> StepResult:
     """Order a hold to give way; a second hold on the way to one clear route keeps the first deadline.
 
     The vehicle has no route while it holds. A member of a group leaves its place, and may go on by its stored
@@ -236,12 +237,12 @@ def _resume(state: AgentState, text: str) -> StepResult:
     return state, messages
 
 
-def _stored(state: AgentState, wait: Wait) -> ev.SwapMission | None:
+def _stored(state: AgentState, wait: Wait) -> PlannedMission | None:
     """Return the rest of the stored mission, if the vehicle may go on by it."""
     return rest_of_stored(state, wait.mission) if wait.by_stored and wait.mission is not None else None
 
 
-def _fly_stored(state: AgentState, stored: ev.SwapMission) -> StepResult:
+def _fly_stored(state: AgentState, stored: PlannedMission) -> StepResult:
     """Fly the stored mission; a new plan is decided when the vehicle flies it."""
     assert state.wait is not None
     now_s = state.vehicle.time_boot_s
@@ -249,10 +250,10 @@ def _fly_stored(state: AgentState, stored: ev.SwapMission) -> StepResult:
         state,
         wait=state.wait.ended(now_s),
         order=state.order.noted(ev.FlightOrder.LAUNCH),
-        plans=state.plans.from_own_hold().sent(stored, now_s).due(),
+        plans=state.plans.from_own_hold().changing_to(stored, now_s).due(),
     )
     text = "the way to the vehicle's stored mission is clear of other vehicles; the vehicle flies it"
-    return state.with_new_flight(), [ev.NotifyOperator(f"{text} [resumes-stored]"), stored]
+    return state.with_new_flight(), [ev.NotifyOperator(f"{text} [resumes-stored]"), ev.SwapMission(stored)]
 
 
 def _is_way_clear(state: AgentState, wait: Wait) -> bool:

@@ -13,7 +13,7 @@ from enum import Enum, StrEnum
 import msgspec
 
 from swarmctl.agent.phases import Phase
-from swarmctl.core.events import SwapMission
+from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 
 
@@ -111,7 +111,7 @@ class Wait(msgspec.Struct, frozen=True):
     purpose: WaitFor
     since_boot_s: float
     deadline_boot_s: float
-    mission: SwapMission | None = None
+    mission: PlannedMission | None = None
     """mission that the hold interrupted; None: the wait interrupts no mission"""
     to: frozenset[int] = frozenset()
     """system ids of the vehicles to which this vehicle gives way"""
@@ -169,7 +169,7 @@ def begin_wait(
     now_s: float,
     *,
     until_s: float = math.inf,
-    mission: SwapMission | None = None,
+    mission: PlannedMission | None = None,
     to: frozenset[int] = frozenset(),
     by_stored: bool = False,
     before: Wait | None = None,

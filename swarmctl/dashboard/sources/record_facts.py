@@ -135,8 +135,8 @@ class RecordFacts:
                 timeline.member(uav, time_s, member)
             case Publish(IntentShared() as intent):
                 timeline.intent(uav, time_s, intent, is_route=False)
-            case SwapMission():
-                timeline.planned(uav, time_s, fact)
+            case SwapMission(mission):
+                timeline.planned(uav, time_s, mission)
             case MissionAccepted(plan_id):
                 timeline.accepted(uav, time_s, plan_id)
             case MissionFailed(plan_id, _, reason):

@@ -103,7 +103,7 @@ class Evidence(Observer):
     ) -> None:
         """Record an operator's request with its answer."""
         match event:
-            case ev.OperatorCommand(order=order, command=int(), ignore=ignored, by=by):
+            case ev.OperatorCommand(order=order, request_id=int(), ignore=ignored, by=by):
                 asks: dict[str, Any] = {"action": str(order), "ignore": ignored}
             case ev.WeightsChanged(w=w, strength=strength, range=reach, by=by, behaviours=behaviours):
                 asks = {"action": "weights", "w": w, "firing_strength": strength}
