@@ -207,14 +207,14 @@ class Director:
         if failures:
             raise PreflightFailed(failures)
         for member in members:
-            member.runner.clear()
+            member.runner.clearance.give()
 
     async def _prepare_again(self, member: Member) -> None:
         """Repeat the whole preparation after a reboot; otherwise repeat only checks that are too old."""
-        if not member.runner.cleared.is_set():
+        if not member.runner.clearance.is_given:
             await self._clearance.set_up(member)
         await self._make_ready(member)
-        if not member.runner.is_freshly_cleared and not member.state.ended:
+        if not member.runner.clearance.is_fresh and not member.state.ended:
             await self._clear([member])
 
     def _permit(self, members: Sequence[Member]) -> None:
@@ -362,7 +362,7 @@ def _ready(member: Member) -> ev.Ready:
 
 def _needs_preparation(member: Member) -> bool:
     phase = member.state.phase
-    return phase is Phase.WAITING or (phase is Phase.STANDBY and not member.runner.cleared.is_set())
+    return phase is Phase.WAITING or (phase is Phase.STANDBY and not member.runner.clearance.is_given)
 
 
 def _misplaced(member: Member, away_m: float) -> str:

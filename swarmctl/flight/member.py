@@ -65,7 +65,7 @@ class Member:
 
     def permit(self, check_again: Callable[[], Awaitable[Sequence[str]]]) -> None:
         """Let the connected vehicle be armed; `check_again` returns the failures of its checks now."""
-        self.runner.permit(self.identity, check_again)
+        self.runner.clearance.permit(self.identity, check_again)
 
     async def prepare(
         self, timeout_s: float, *, report_every_s: float, on_overdue: Callable[[str], None]

@@ -25,10 +25,10 @@ def vehicles_to_permit(members: Sequence[Member]) -> list[Member]:
     Raises PreflightFailed if two vehicles share a system id, or if another vehicle answers in place of a
     simulated vehicle.
     """
-    duplicates = [m for m in members if m.runner.conflict]
+    duplicates = [m for m in members if m.runner.sysid_conflict]
     if duplicates:
         advice = "give each vehicle its own system id"
-        raise PreflightFailed([f"{m.name}: {m.runner.conflict}; {advice}" for m in duplicates])
+        raise PreflightFailed([f"{m.name}: {m.runner.sysid_conflict}; {advice}" for m in duplicates])
     external = not_simulated(members)
     unexpected = [m for m in external if m.spec.simulated]
     if unexpected:

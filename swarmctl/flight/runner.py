@@ -2,7 +2,7 @@
 
 Reports of link, sensor and bus become events of the agent. The runner performs the agent's effects, and
 returns their outcomes as events. The agent makes all decisions except the last check before arming
-(`_check_launch`).
+(`ArmingClearance`).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable
 from functools import partial
 
 from swarmctl.agent.phases import ON_GROUND
@@ -30,6 +30,7 @@ from swarmctl.core.operator_text import extended
 from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
+from swarmctl.flight.arming_clearance import ArmingClearance
 from swarmctl.links.base import (
     AddressChanged,
     FramesRefused,
@@ -40,7 +41,7 @@ from swarmctl.links.base import (
     UploadFailed,
 )
 from swarmctl.links.direct import DirectLink
-from swarmctl.mavlink.events import FirstHeartbeat, Identity, ProcedureDone, StatusText
+from swarmctl.mavlink.events import FirstHeartbeat, ProcedureDone, StatusText
 from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.report.ui import Observer
 from swarmctl.sensors import Sensor
@@ -49,17 +50,8 @@ _LINK_EVENTS = (ev.TelemetryReceived, ev.LinkLost, ev.LinkRestored, ev.Rebooted)
 CRITICAL = 2  # MAV_SEVERITY
 UPLOAD_RETRIES_S = (2.0, 4.0)
 """waits before the repetitions of a failed upload [s]"""
-IDENTIFY_TIMEOUT_S = 15.0
 NEIGHBOURS_EVERY_S = 0.5
 """time between two readings of the neighbours' states, by the vehicle's clock [s]"""
-CLEARANCE_TIMEOUT_S = 30.0
-"""longest wait of an ordered launch for its preflight checks [s]"""
-CLEARANCE_LASTS_S = 30.0
-"""age above which checks are repeated before a launch [s]: batteries drain, other stations change fences"""
-
-
-class LaunchNotPermitted(RuntimeError):
-    """A launch without permission to arm, stopped by the last barrier. Only a bug can cause it."""
 
 
 class Runner:
@@ -87,13 +79,8 @@ class Runner:
         """True until the vehicle is compared with its record: nothing may be sent to it before"""
         if recorded is None:
             self._may_fold.set()
-        self.armable: Identity | None = None
-        """the vehicle that may be armed; no other vehicle is launched at this address. None: no permission"""
-        self._check_again: Callable[[], Awaitable[Sequence[str]]] | None = None
-        self.cleared = asyncio.Event()
-        """set if preflight checks have passed since the last boot; the launch waits for this event"""
-        self._cleared_s = -math.inf
-        self.conflict = ""
+        self.clearance = ArmingClearance(task.name)
+        self.sysid_conflict = ""
         """a message about another sender with the vehicle's system id; empty if there is none"""
         self._sensor = sensor
         self._network = network
@@ -118,20 +105,6 @@ class Runner:
     @property
     def name(self) -> str:
         return self.state.task.name
-
-    def permit(self, identity: Identity | None, check_again: Callable[[], Awaitable[Sequence[str]]]) -> None:
-        """Let the vehicle be armed; `check_again` repeats its checks and returns a line for each failure."""
-        self.armable, self._check_again = identity, check_again
-
-    def clear(self) -> None:
-        """Record that the preflight checks have passed now."""
-        self._cleared_s = asyncio.get_running_loop().time()
-        self.cleared.set()
-
-    @property
-    def is_freshly_cleared(self) -> bool:
-        age_s = asyncio.get_running_loop().time() - self._cleared_s
-        return self.cleared.is_set() and age_s <= CLEARANCE_LASTS_S
 
     def post(self, event: ev.Event) -> None:
         """Queue an event for `run`."""
@@ -169,15 +142,17 @@ class Runner:
             case ev.LinkLost() | ev.LinkRestored():
                 self.post(event)
             case ev.Rebooted():
-                self.cleared.clear()
+                self.clearance.withdraw()
                 self.post(event)
                 ground, air = "the program makes it ready again", "look for it if it was in the air"
                 advice = ground if self.state.phase in ON_GROUND else air
                 self.note(f"the vehicle has rebooted; {advice} [rebooted]", to_operator=True)
             case SystemIdConflict(address):
-                self.conflict = f"a second sender, at {address}, uses system id {self.state.task.uav} too"
+                self.sysid_conflict = (
+                    f"a second sender, at {address}, uses system id {self.state.task.uav} too"
+                )
                 advice = "the frames of that sender are dropped; give each vehicle its own system id"
-                self.note(f"{self.conflict}; {advice}", to_operator=True)
+                self.note(f"{self.sysid_conflict}; {advice}", to_operator=True)
             case FramesRefused(text):
                 self.note(text, to_operator=True)
             case AddressChanged(address):
@@ -331,7 +306,7 @@ class Runner:
     async def _order(self, order: ev.FlightOrder, *, check_mode_first: bool) -> None:
         if order is ev.FlightOrder.LAUNCH:
             try:
-                await self._check_launch()
+                await self.clearance.confirm(self.link)
             except LinkError as error:  # the link has sent no launch command
                 self.post(ev.OrderFailed(order, str(error), nothing_sent=True))
                 return
@@ -349,33 +324,6 @@ class Runner:
             self.post(ev.OrderFailed(order, str(error)))
         else:
             self.post(ev.OrderDone(order))
-
-    async def _check_launch(self) -> None:
-        """Raise LinkError if the vehicle must not be armed now, LaunchNotPermitted if `armable` is None."""
-        if self.armable is None:
-            raise LaunchNotPermitted(self.name)
-        try:
-            async with asyncio.timeout(CLEARANCE_TIMEOUT_S):
-                await self.cleared.wait()
-        except TimeoutError:
-            why = "preflight checks have not passed; see the messages of the checks [not-cleared]"
-            raise LinkError(f"{self.name}: not launched: {why}") from None
-        if not self.is_freshly_cleared:
-            await self._clear_again()
-        found = await self.link.identify(IDENTIFY_TIMEOUT_S)
-        if found != self.armable:
-            expected, other = (f"{i.firmware}, uid {i.uid2.hex()}" for i in (self.armable, found))
-            text = f"another vehicle answers: expected {expected}, found {other} [other-vehicle]"
-            raise LinkError(f"{self.name}: not launched: {text}")
-
-    async def _clear_again(self) -> None:
-        """Repeat the preflight checks. Raises LinkError if a check fails now."""
-        assert self._check_again is not None  # set with `armable`
-        if failures := await self._check_again():
-            raise LinkError("; ".join(failures))
-        if not self.cleared.is_set():
-            raise LinkError(f"{self.name}: not launched: the vehicle rebooted during its checks [rebooted]")
-        self.clear()
 
     def note(self, text: str, *, to_operator: bool = False) -> None:
         """Pass a line about this vehicle to all observers."""

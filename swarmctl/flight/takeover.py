@@ -71,8 +71,8 @@ class Takeover:
             try:
                 if member.identity is None:
                     await member.connect(self._flight.connect_timeout_s)
-                if member.runner.conflict:
-                    return [ev.Restarted(reason=member.runner.conflict)]
+                if member.runner.sysid_conflict:
+                    return [ev.Restarted(reason=member.runner.sysid_conflict)]
                 if not is_permitted:
                     permit(member)
                     is_permitted = True

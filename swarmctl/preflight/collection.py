@@ -40,7 +40,7 @@ class ConnectedAgent(Protocol):
     @property
     def state(self) -> AgentState: ...
     @property
-    def conflict(self) -> str:
+    def sysid_conflict(self) -> str:
         """A second vehicle with the same system id, as text; empty if there is none."""
 
 
@@ -138,7 +138,7 @@ class FactCollector:
         return PreflightFacts(
             spec=spec,
             identity=vehicle.identity,
-            conflict=runner.conflict,
+            sysid_conflict=runner.sysid_conflict,
             state=state,
             age_s=runner.link.age_s(),
             position_age_s=_age_s(state.position_s),

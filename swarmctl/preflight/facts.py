@@ -50,7 +50,7 @@ class PreflightFacts(msgspec.Struct, frozen=True):
     spec: Spec
     """the configured vehicle"""
     identity: Identity | None
-    conflict: str
+    sysid_conflict: str
     """another sender with the vehicle's system id, as text; empty if there is none"""
     state: VehicleState
     age_s: float

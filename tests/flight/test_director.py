@@ -10,10 +10,10 @@ from flights import small
 
 from swarmctl.core import events as ev
 from swarmctl.core.events import Rebooted
+from swarmctl.flight.arming_clearance import LaunchNotPermitted
 from swarmctl.flight.director import NOT_READY_S
 from swarmctl.flight.member import Member
 from swarmctl.flight.permission import PreflightFailed
-from swarmctl.flight.runner import LaunchNotPermitted
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import LaunchFailed, NoAnswer, NotReady, SystemIdConflict, UploadFailed
 from swarmctl.mavlink.events import Identity
@@ -214,7 +214,7 @@ def test_early_checks_launch_no_vehicle() -> None:
 
 def test_preflight_without_launch_gives_no_permission_to_arm() -> None:
     ground = Ground(launch="never", simulated=False, identities={2: b"\x12\x34"})
-    ground.fly(lambda members: any(m.runner.armable for m in members))
+    ground.fly(lambda members: any(m.runner.clearance.is_permitted for m in members))
     assert [link.calls for link in ground.links] == [["connect", "prepare", "upload"]] * 3
     assert ground.asked == []
 

@@ -192,7 +192,7 @@ def test_a_vehicle_that_reboots_during_repeated_checks_is_not_launched() -> None
 
     def story(members: Sequence[Member]) -> bool:
         runner, now = members[0].runner, asyncio.get_running_loop().time()
-        if runner.is_freshly_cleared or not runner.cleared.is_set():
+        if runner.clearance.is_fresh or not runner.clearance.is_given:
             return members[0].state.ended or bool(begun_s and now - begun_s[0] > 20.0)
         if not begun_s:
             begun_s.append(now)

@@ -80,7 +80,7 @@ UNFIT: list[tuple[str, PreflightFacts, str]] = [
     ("identity", but(identity=replace(FIT.identity, autopilot=8)), "system 1, ArduPilot"),
     ("identity", but(airframe="plane"), "airframe: copter"),
     ("identity", but(identity=replace(FIT.identity, vehicle_type=1)), "airframe: plane"),
-    ("unique", but(conflict="another sender, at X, uses its system id 1"), "another sender, at X"),
+    ("unique", but(sysid_conflict="another sender, at X, uses its system id 1"), "another sender, at X"),
     ("unique", other(sysid=1), "system 1, as uav2"),
     ("unique", other(identity=FIT.identity), "uav2"),
     ("position", but(age_s=float("inf")), "5 s"),

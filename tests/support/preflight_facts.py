@@ -68,7 +68,7 @@ def _spec(sysid: int, altitude_m: float) -> Spec:
 FIT = PreflightFacts(
     spec=_spec(1, 40.0),
     identity=Identity(1, 3, 2, "ArduPilot 4.6.2", b"\x01".ljust(18)),
-    conflict="",
+    sysid_conflict="",
     no_route_because="",
     state=STATE,
     age_s=0.4,

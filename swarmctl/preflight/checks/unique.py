@@ -11,8 +11,8 @@ WAIVABLE = False
 
 def check(facts: PreflightFacts) -> Finding:
     wanted = "one vehicle at one system id"
-    if facts.conflict:
-        return Finding(False, facts.conflict, wanted, "give each vehicle its own system id")
+    if facts.sysid_conflict:
+        return Finding(False, facts.sysid_conflict, wanted, "give each vehicle its own system id")
     same_id = [other.spec.name for other in facts.others if other.spec.sysid == facts.spec.sysid]
     if same_id:
         found = f"system {facts.spec.sysid}, as {', '.join(same_id)}"
