@@ -20,7 +20,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core.operator_text import typed_names
 from swarmctl.core.records import replace
 from swarmctl.flight.gc_tuning import tune_collector
-from swarmctl.flight.member import Member
+from swarmctl.flight.own_vehicle import OwnVehicle
 from swarmctl.flight.permission import Permission, PreflightFailed
 from swarmctl.flight.run import Clock, real_clock_need
 from swarmctl.flight.virtual_clock import run_virtual
@@ -172,7 +172,7 @@ def arming_permission(scenario: Scenario, *, real: bool, confirm: Sequence[str] 
     """Return a function that raises PreflightFailed for vehicles neither simulated nor confirmed."""
     allowed = _confirmed(scenario, confirm) if real else frozenset()
 
-    def permit(external: Sequence[Member]) -> None:
+    def permit(external: Sequence[OwnVehicle]) -> None:
         refused = [m for m in external if m.name not in allowed]
         if refused:
             raise PreflightFailed([_refusal(m) for m in refused])
@@ -211,10 +211,10 @@ def _confirmed(scenario: Scenario, confirm: Sequence[str] | None) -> frozenset[s
     return frozenset(names)
 
 
-def _refusal(member: Member) -> str:
-    found = member.identity.firmware if member.identity is not None else "an unknown autopilot"
+def _refusal(vehicle: OwnVehicle) -> str:
+    found = vehicle.identity.firmware if vehicle.identity is not None else "an unknown autopilot"
     return (
-        f"{member.name}: {found} at {member.spec.url} is not a vehicle of the built-in simulator, so it is "
+        f"{vehicle.name}: {found} at {vehicle.spec.url} is not a vehicle of the built-in simulator, so it is "
         "not armed; to fly it, give --real and type the vehicles' names [real-not-confirmed]"
     )
 

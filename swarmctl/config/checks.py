@@ -181,8 +181,8 @@ def _check_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[Co
     apart_m = greatest_landing_spacing_m(scenario.grid.cell_size_m, task.landing_count)
     if task.landing_count > 1 and apart_m < limit_m:
         text = f"{task.landing_count} vehicles with common goals would land {apart_m:.1f} m apart in one cell"
-        cure = "give them goals of their own, or use larger cells"
-        yield ConfigProblem(path, f"{text}, less than separation.horizontal_m = {limit_m:g} m; {cure}")
+        remedy = "give them goals of their own, or use larger cells"
+        yield ConfigProblem(path, f"{text}, less than separation.horizontal_m = {limit_m:g} m; {remedy}")
 
 
 def _check_unused(config: Config) -> Iterator[ConfigProblem]:

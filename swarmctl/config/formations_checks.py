@@ -179,7 +179,7 @@ def _check_distances(
 
 
 def _farther_apart(shape: Shape, apart_m: float, least_m: float) -> str:
-    """Return the cure for places that are too near to each other."""
+    """Return the remedy for places that are too near to each other."""
     if shape.kind == "offsets" or apart_m == 0.0:
         return "give other offsets_m"
     needed_m = math.ceil(shape.spacing_m * least_m / apart_m)

@@ -4,7 +4,7 @@
 |---|---|
 | fixes the facts of the run | `run` |
 | opens files, front end, bus and network | `resources` |
-| builds members, operator service, checks and director | `wiring` |
+| builds vehicles, operator service, checks and director | `wiring` |
 | runs all tasks | `task_tree` |
 | returns the report | here |
 """
@@ -84,23 +84,23 @@ def _report(
 
 
 def _states(flight: Flight) -> dict[int, AgentState]:
-    return {member.spec.sysid: member.state for member in flight.members}
+    return {vehicle.spec.sysid: vehicle.state for vehicle in flight.vehicles}
 
 
 def _final_states(flight: Flight, failures: tuple[BaseException, ...]) -> Iterator[str]:
     """Yield a line for each vehicle that has not arrived."""
     simulator_failed = any(isinstance(failure, SimulatorFailed) for failure in failures)
-    for member in flight.members:
-        if simulator_failed and member.spec.simulated and member.state.outcome != ARRIVED:
-            yield f"{member.name}: ended with the simulator [simulator-ended]"
-        elif member.state.outcome != ARRIVED:
-            yield member.final_state()
+    for vehicle in flight.vehicles:
+        if simulator_failed and vehicle.spec.simulated and vehicle.state.outcome != ARRIVED:
+            yield f"{vehicle.name}: ended with the simulator [simulator-ended]"
+        elif vehicle.state.outcome != ARRIVED:
+            yield vehicle.final_state()
 
 
 def _summary(flight: Flight, ended: Ending, wall_s: float) -> dict[str, Any]:
     """Return the content of `summary.json`."""
     run, states = flight.run, _states(flight)
-    reports = {member.spec.sysid: member.report_counts for member in flight.members}
+    reports = {vehicle.spec.sysid: vehicle.report_counts for vehicle in flight.vehicles}
     content = summary(
         run.scenario,
         states,

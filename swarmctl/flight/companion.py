@@ -20,7 +20,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core.frames import FrameCodec
 from swarmctl.core.records import replace
 from swarmctl.flight import app
-from swarmctl.flight.director import Launch
+from swarmctl.flight.director import LaunchMode
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.run import Clock, FlightOptions
 from swarmctl.links.url import parse_url
@@ -61,7 +61,7 @@ async def fly(
     *,
     clock: Clock,
     permission: Permission,
-    launch: Launch,
+    launch: LaunchMode,
     network: Configuration | None = None,
     bus: Transport | None = None,
     keyring: Keyring | None = None,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from swarmctl.agent.phases import Phase
 from swarmctl.core.events import FlightOrder
-from swarmctl.flight.member import Member, names
+from swarmctl.flight.own_vehicle import OwnVehicle, names
 from swarmctl.flight.shutdown import return_delays_s
 from swarmctl.links.base import LinkError
 
@@ -16,18 +16,18 @@ ORDER_TIMEOUT_S = 10.0
 
 
 async def at_once(
-    reason: str, members: Sequence[Member], order: FlightOrder, say: Callable[[str], None]
+    reason: str, vehicles: Sequence[OwnVehicle], order: FlightOrder, say: Callable[[str], None]
 ) -> None:
     """Order all armed vehicles except released vehicles at the same time: the operator does not wait."""
-    armed = _armed_and_unreleased(members)
+    armed = _armed_and_unreleased(vehicles)
     if armed:
         say(f"{reason}; {names(armed)} ordered to {order} at the same time; watch them [emergency]")
-        await asyncio.gather(*(_order(member, order, check_mode_first=False) for member in armed))
+        await asyncio.gather(*(_order(vehicle, order, check_mode_first=False) for vehicle in armed))
 
 
 async def in_turns(
     reason: str,
-    members: Sequence[Member],
+    vehicles: Sequence[OwnVehicle],
     order: FlightOrder,
     say: Callable[[str], None],
     *,
@@ -40,40 +40,40 @@ async def in_turns(
     any case. `speedup` is vehicle seconds in one second of the loop. No operator has given these orders, so a
     vehicle whose mode has just changed gets no order.
     """
-    armed = _armed_and_unreleased(members)
+    armed = _armed_and_unreleased(vehicles)
     if not armed:
         return
-    returning = [member.spec.sysid for member in armed] if order is FlightOrder.RETURN else []
+    returning = [vehicle.spec.sysid for vehicle in armed] if order is FlightOrder.RETURN else []
     turns_note = ", one after the other" if len(returning) > 1 else ""
     say(f"{reason}; {names(armed)} ordered to {order}{turns_note}; watch them [emergency]")
     turns = return_delays_s(armed, say, returning)
 
-    async def order_in_turn(member: Member) -> None:
-        after_s = min(turns.get(member.spec.sysid, 0.0) / speedup, within_s)
+    async def order_in_turn(vehicle: OwnVehicle) -> None:
+        after_s = min(turns.get(vehicle.spec.sysid, 0.0) / speedup, within_s)
         if after_s > 0.0:
             began_s = _now_s()
-            holds = await _order(member, FlightOrder.HOLD, check_mode_first=True)
+            holds = await _order(vehicle, FlightOrder.HOLD, check_mode_first=True)
             await asyncio.sleep(max(began_s + after_s - _now_s(), 0.0))
-            if holds and member.runner.link.state().mode_role != "hold":
+            if holds and vehicle.runner.link.state().mode_role != "hold":
                 return  # a pilot or another station has chosen another mode during the wait
-        await _order(member, order, check_mode_first=True)
+        await _order(vehicle, order, check_mode_first=True)
 
     await asyncio.gather(*map(order_in_turn, armed))
 
 
-def _armed_and_unreleased(members: Sequence[Member]) -> list[Member]:
+def _armed_and_unreleased(vehicles: Sequence[OwnVehicle]) -> list[OwnVehicle]:
     return [
         m
-        for m in members
+        for m in vehicles
         if m.state.vehicle.armed and m.state.phase is not Phase.RELEASED and not m.runner.is_untaken
     ]
 
 
-async def _order(member: Member, order: FlightOrder, *, check_mode_first: bool) -> bool:
+async def _order(vehicle: OwnVehicle, order: FlightOrder, *, check_mode_first: bool) -> bool:
     """Order a vehicle and return whether telemetry shows that the vehicle follows."""
     with contextlib.suppress(LinkError, TimeoutError):
         async with asyncio.timeout(ORDER_TIMEOUT_S):
-            await member.runner.link.order(order, check_mode_first=check_mode_first)
+            await vehicle.runner.link.order(order, check_mode_first=check_mode_first)
             return True
     return False
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from swarmctl.flight.member import Member
+from swarmctl.flight.own_vehicle import OwnVehicle
 from swarmctl.report.final_state import has_ended_disarmed, height_text
 
 
 class FlightEnd:
     """The condition for the end of a flight, with messages about lost and released vehicles."""
 
-    def __init__(self, members: Sequence[Member], lost_timeout_s: float, say: Callable[[str], None]) -> None:
-        self._members = members
+    def __init__(
+        self, vehicles: Sequence[OwnVehicle], lost_timeout_s: float, say: Callable[[str], None]
+    ) -> None:
+        self._vehicles = vehicles
         self._lost_timeout_s = lost_timeout_s
         self._say = say
         self._given_up: set[str] = set()
@@ -26,14 +28,14 @@ class FlightEnd:
         """
         unfinished: list[str] = []
         released: list[str] = []
-        for member in self._members:
-            if has_ended_disarmed(member.state):
+        for vehicle in self._vehicles:
+            if has_ended_disarmed(vehicle.state):
                 continue
-            if member.silent_for(self._lost_timeout_s):
-                self._give_up(member)
+            if vehicle.silent_for(self._lost_timeout_s):
+                self._give_up(vehicle)
                 continue
-            self._given_up.discard(member.name)
-            (released if member.state.ended else unfinished).append(member.name)
+            self._given_up.discard(vehicle.name)
+            (released if vehicle.state.ended else unfinished).append(vehicle.name)
         if not unfinished and released and released != self._waits_for:
             self._waits_for = released
             self._say(
@@ -43,14 +45,14 @@ class FlightEnd:
             )
         return not unfinished and not released
 
-    def _give_up(self, member: Member) -> None:
-        if member.name in self._given_up:
+    def _give_up(self, vehicle: OwnVehicle) -> None:
+        if vehicle.name in self._given_up:
             return
-        self._given_up.add(member.name)
-        vehicle = member.runner.link.state()
+        self._given_up.add(vehicle.name)
+        state = vehicle.runner.link.state()
         self._say(
-            f"{member.name}: no telemetry for {self._lost_timeout_s:g} s (flight.lost_timeout_s); last in "
-            f"mode {vehicle.mode or '?'}, {height_text(vehicle)}; the program no longer waits for the "
+            f"{vehicle.name}: no telemetry for {self._lost_timeout_s:g} s (flight.lost_timeout_s); last in "
+            f"mode {state.mode or '?'}, {height_text(state)}; the program no longer waits for the "
             "vehicle, which may still be in the air; look for the vehicle with another ground station "
             "[given-up]"
         )

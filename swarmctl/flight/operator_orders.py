@@ -10,14 +10,14 @@ from swarmctl.bus.operator_service import OperatorService
 from swarmctl.bus.transports.base import Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import GiveOrder, Request
-from swarmctl.flight.member import Member, names, not_simulated
+from swarmctl.flight.own_vehicle import OwnVehicle, names, not_simulated
 
 
 def operator_service_for(
     scenario: Scenario,
     transport: Transport,
     say: Callable[[str], None],
-    members: Sequence[Member],
+    vehicles: Sequence[OwnVehicle],
     *,
     flies_all: bool,
     has_keys: bool,
@@ -30,30 +30,30 @@ def operator_service_for(
     """
 
     def refusal(command: Request) -> str:
-        if authentication is NO_AUTHENTICATION and (real := names(not_simulated(members))):
+        if authentication is NO_AUTHENTICATION and (real := names(not_simulated(vehicles))):
             return (
                 f"the bus of this flight authenticates no sender, so real vehicles ({real}) refuse commands: "
                 "give FlightOptions.authentication [orders-need-keys]"
             )
         if isinstance(command, GiveOrder):
-            return order_refusal(scenario, members, command, flies_all=flies_all, has_keys=has_keys)
-        return "" if command.range is None else range_refusal(scenario, members)
+            return order_refusal(scenario, vehicles, command, flies_all=flies_all, has_keys=has_keys)
+        return "" if command.range is None else range_refusal(scenario, vehicles)
 
     return OperatorService(
         transport,
         scenario.config.name,
         say,
-        {member.spec.sysid: member.runner for member in members},
+        {vehicle.spec.sysid: vehicle.runner for vehicle in vehicles},
         flies_all=flies_all,
         refusal=refusal,
         authentication=authentication,
     )
 
 
-def range_refusal(scenario: Scenario, members: Sequence[Member]) -> str:
+def range_refusal(scenario: Scenario, vehicles: Sequence[OwnVehicle]) -> str:
     """Return the reason why the range of communication cannot be changed; empty in a simulated swarm."""
     others = [spec.name for spec in scenario.swarm if not spec.simulated]
-    real = dict.fromkeys([*others, *(member.name for member in not_simulated(members))])
+    real = dict.fromkeys([*others, *(vehicle.name for vehicle in not_simulated(vehicles))])
     if not real:
         return ""
     return (
@@ -63,7 +63,7 @@ def range_refusal(scenario: Scenario, members: Sequence[Member]) -> str:
 
 
 def order_refusal(
-    scenario: Scenario, members: Sequence[Member], order: GiveOrder, *, flies_all: bool, has_keys: bool
+    scenario: Scenario, vehicles: Sequence[OwnVehicle], order: GiveOrder, *, flies_all: bool, has_keys: bool
 ) -> str:
     """Return the reason why an order is refused; empty for an accepted order.
 
@@ -72,7 +72,7 @@ def order_refusal(
     all vehicles has a token, which shows only that the sender knows a secret. Therefore no order launches a
     real vehicle there, and real vehicles accept orders from this machine only.
     """
-    real = names(not_simulated(members))
+    real = names(not_simulated(vehicles))
     if not real or (has_keys and not flies_all):
         return ""
     if not flies_all:

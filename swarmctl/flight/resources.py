@@ -98,7 +98,7 @@ def begin_evidence(run: Run) -> Evidence:
 
 
 class FlightResources(msgspec.Struct, frozen=True):
-    """Open resources that all members of a flight share."""
+    """Open resources that all vehicles of a flight share."""
 
     front_end: FrontEnd
     wire: MemoryWire

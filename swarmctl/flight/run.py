@@ -17,7 +17,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.core.frames import FrameCodec
 from swarmctl.core.records import replace
-from swarmctl.flight.director import Launch
+from swarmctl.flight.director import LaunchMode
 from swarmctl.flight.permission import Permission
 from swarmctl.links import LINKS
 from swarmctl.links.transports.memory import MemoryWire
@@ -35,7 +35,7 @@ VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
 class FlightOptions(msgspec.Struct, frozen=True):
     """Options of a process that flies vehicles."""
 
-    launch: Launch = "when-ready"
+    launch: LaunchMode = "when-ready"
     flies_all: bool = True
     """False: other processes fly the other vehicles of the swarm"""
     authentication: Authentication = NO_AUTHENTICATION

@@ -34,7 +34,6 @@ from swarmctl.flight.arming_clearance import ArmingClearance
 from swarmctl.links.base import (
     AddressChanged,
     FramesRefused,
-    LaunchBlockedError,
     LinkError,
     LinkEvent,
     SystemIdConflict,
@@ -313,13 +312,14 @@ class Runner:
         try:
             match order:
                 case ev.FlightOrder.LAUNCH:
-                    await self.link.launch(lambda: self._launch_conflict)
+                    blocked = await self.link.launch(lambda: self._launch_conflict)
+                    if blocked is not None:
+                        self.post(ev.LaunchPostponed(blocked.failure or "", blocked.was_armed))
+                        return
                 case ev.FlightOrder.FORMATION:
                     await self.link.follow_setpoints()
                 case _:
                     await self.link.order(order, check_mode_first=check_mode_first)
-        except LaunchBlockedError as error:
-            self.post(ev.LaunchPostponed(error.why, error.was_armed))
         except LinkError as error:
             self.post(ev.OrderFailed(order, str(error)))
         else:

@@ -11,7 +11,7 @@ from swarmctl.agent.traffic.returning import position_for_return
 from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
-from swarmctl.flight.member import Member, names, until
+from swarmctl.flight.own_vehicle import OwnVehicle, names, until
 from swarmctl.report.final_state import HEARTBEATS_END, is_released_in_air
 
 HOLD_DEADLINE_S = 8.0
@@ -26,13 +26,13 @@ class Shutdown:
 
     def __init__(
         self,
-        members: Sequence[Member],
+        vehicles: Sequence[OwnVehicle],
         flight: FlightSection,
         say: Callable[[str], None],
         *,
         flies_all: bool,
     ) -> None:
-        self._members = members
+        self._vehicles = vehicles
         self._flight = flight
         self._say = say
         self._flies_all = flies_all
@@ -40,19 +40,19 @@ class Shutdown:
     async def run(self) -> None:
         """Hold all vehicles, then return or land them as configured; each step has a time limit."""
         in_flight = [
-            m for m in self._members if m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING
+            m for m in self._vehicles if m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING
         ]
         order = ev.FlightOrder(self._flight.on_exit)
         # Before a return, a vehicle that already returns or lands, or waits to return, gets no order to hold.
         leaving = [m for m in in_flight if order is ev.FlightOrder.RETURN and _is_leaving(m)]
         to_hold = [m for m in in_flight if m not in leaving]
-        if released := [m for m in self._members if is_released_in_air(m.state)]:
+        if released := [m for m in self._vehicles if is_released_in_air(m.state)]:
             self._say(
                 f"{names(released)}: released in the air, and therefore without an order; {HEARTBEATS_END} "
                 "[released-in-air]"
             )
         self._say(f"stopping: {names(to_hold) or 'no vehicle'} ordered to hold [stopping]")
-        self._order([m for m in self._members if m not in leaving], ev.FlightOrder.HOLD)
+        self._order([m for m in self._vehicles if m not in leaving], ev.FlightOrder.HOLD)
         await self._within(HOLD_DEADLINE_S, _holds, to_hold)
         if order is ev.FlightOrder.HOLD:
             return
@@ -64,54 +64,54 @@ class Shutdown:
         late = [m for m in flying if m.state.phase is Phase.HOLDING and m.state.is_waiting]
         if late:
             self._say(f"{names(late)}: the deadline is over, and all vehicles {order} now [exit-now]")
-            for member in late:
-                member.runner.post(ev.OperatorCommand(order))
+            for vehicle in late:
+                vehicle.runner.post(ev.OperatorCommand(order))
             await self._within(HOLD_DEADLINE_S, _follows, late)
 
-    def _order(self, members: Iterable[Member], order: ev.FlightOrder) -> None:
-        members, delays_s = list(members), dict[int, float]()
+    def _order(self, vehicles: Iterable[OwnVehicle], order: ev.FlightOrder) -> None:
+        vehicles, delays_s = list(vehicles), dict[int, float]()
         is_scheduled = order is ev.FlightOrder.RETURN and self._flies_all
         if is_scheduled:
-            delays_s = dict(return_delays_s(self._members, self._say, [m.spec.sysid for m in members]))
-        for member in members:
-            after_s = delays_s.get(member.spec.sysid, 0.0) if is_scheduled else None
-            member.runner.post(ev.OperatorCommand(order, after_s=after_s))
+            delays_s = dict(return_delays_s(self._vehicles, self._say, [m.spec.sysid for m in vehicles]))
+        for vehicle in vehicles:
+            after_s = delays_s.get(vehicle.spec.sysid, 0.0) if is_scheduled else None
+            vehicle.runner.post(ev.OperatorCommand(order, after_s=after_s))
 
     async def _within(
-        self, deadline_s: float, condition: Callable[[Member], bool], members: Sequence[Member]
+        self, deadline_s: float, condition: Callable[[OwnVehicle], bool], vehicles: Sequence[OwnVehicle]
     ) -> None:
         try:
             async with asyncio.timeout(deadline_s):
-                await until(condition, members)
+                await until(condition, vehicles)
         except TimeoutError:
-            if late := [m for m in members if not condition(m)]:
+            if late := [m for m in vehicles if not condition(m)]:
                 text = f"the order was not completed within {deadline_s:g} s; the shutdown continues"
                 self._say(f"{names(late)}: {text} [deadline]")
 
 
-def _is_leaving(member: Member) -> bool:
-    return member.state.phase is Phase.LEAVING or member.state.waits_for(WaitFor.RETURN_PATH)
+def _is_leaving(vehicle: OwnVehicle) -> bool:
+    return vehicle.state.phase is Phase.LEAVING or vehicle.state.waits_for(WaitFor.RETURN_PATH)
 
 
-def _holds(member: Member) -> bool:
+def _holds(vehicle: OwnVehicle) -> bool:
     """Return whether the vehicle follows the order to hold, or needs no order because its flight ends."""
-    state = member.state
+    state = vehicle.state
     return (
         (state.phase is Phase.HOLDING and state.order.is_followed) or state.ended or state.launch.is_aborted
     )
 
 
-def _follows(member: Member) -> bool:
+def _follows(vehicle: OwnVehicle) -> bool:
     """Return whether the vehicle returns or lands without a wait, or has ended its flight."""
-    state = member.state
+    state = vehicle.state
     return state.ended or (not state.is_waiting and state.order.is_followed)
 
 
 def return_delays_s(
-    members: Sequence[Member], say: Callable[[str], None], uavs: Sequence[int]
+    vehicles: Sequence[OwnVehicle], say: Callable[[str], None], uavs: Sequence[int]
 ) -> Mapping[int, float]:
     """Return how long each vehicle of `uavs` waits for its turn to return [s]; report the order of turns."""
-    returning = [m for m in members if m.spec.sysid in uavs or m.state.phase is Phase.LEAVING]
+    returning = [m for m in vehicles if m.spec.sysid in uavs or m.state.phase is Phase.LEAVING]
     places = {m.spec.sysid: position_for_return(m.state) for m in returning}
     turns = schedule_for({uav: place for uav, place in places.items() if place is not None})
     if any(turns.begins_s.values()) or turns.height_only:

@@ -13,7 +13,7 @@ from swarmctl.agent.phases import ENDED, ON_GROUND, Phase
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.flight import proof
-from swarmctl.flight.member import Member
+from swarmctl.flight.own_vehicle import OwnVehicle
 from swarmctl.flight.proof import Finding
 from swarmctl.links.base import LinkError
 from swarmctl.report.unfinished_run import RecordedVehicle
@@ -47,21 +47,21 @@ class Takeover:
         self._speedup = speedup
         self._say = say
 
-    async def run(self, member: Member, permit: Callable[[Member], None]) -> None:
+    async def run(self, vehicle: OwnVehicle, permit: Callable[[OwnVehicle], None]) -> None:
         """Take over a vehicle or let it go. `permit` raises PreflightFailed if the vehicle must not fly."""
-        if not member.runner.is_untaken:
+        if not vehicle.runner.is_untaken:
             return  # no event of this vehicle was recorded, so its flight is new
         try:
-            events = await self._events(member, permit)
+            events = await self._events(vehicle, permit)
         except asyncio.CancelledError:
-            member.runner.take_up([ev.Restarted(reason="the takeover was stopped")])
+            vehicle.runner.take_up([ev.Restarted(reason="the takeover was stopped")])
             raise
         restarted = next(event for event in events if isinstance(event, ev.Restarted))
-        self._report(member, restarted)
-        member.runner.take_up(events)
+        self._report(vehicle, restarted)
+        vehicle.runner.take_up(events)
 
-    async def _events(self, member: Member, permit: Callable[[Member], None]) -> list[ev.Event]:
-        recorded = self._recorded[member.spec.sysid]
+    async def _events(self, vehicle: OwnVehicle, permit: Callable[[OwnVehicle], None]) -> list[ev.Event]:
+        recorded = self._recorded[vehicle.spec.sysid]
         state, clock = recorded.state, asyncio.get_running_loop().time
         if state.phase in ENDED and not state.vehicle.armed:
             return [ev.Restarted(on_ground=True)]
@@ -69,14 +69,14 @@ class Takeover:
         decided_s = clock() + LAUNCH_WAIT_S
         while clock() < until_s or not failure:
             try:
-                if member.identity is None:
-                    await member.connect(self._flight.connect_timeout_s)
-                if member.runner.sysid_conflict:
-                    return [ev.Restarted(reason=member.runner.sysid_conflict)]
+                if vehicle.identity is None:
+                    await vehicle.connect(self._flight.connect_timeout_s)
+                if vehicle.runner.sysid_conflict:
+                    return [ev.Restarted(reason=vehicle.runner.sysid_conflict)]
                 if not is_permitted:
-                    permit(member)
+                    permit(vehicle)
                     is_permitted = True
-                found = await self._find(member, recorded)
+                found = await self._find(vehicle, recorded)
             except LinkError as error:
                 if not failure:
                     self._say(f"{error}; trying for {self._flight.lost_timeout_s:g} s")
@@ -86,23 +86,23 @@ class Takeover:
                     return proof.take_over(recorded, found, self._speedup)
                 failure = "the vehicle is armed on the ground, and does not take off"
             await asyncio.sleep(RETRY_S)
-        silent_s = min(member.runner.link.age_s(), max(self._unix_s() - recorded.last_unix_s, 0.0))
+        silent_s = min(vehicle.runner.link.age_s(), max(self._unix_s() - recorded.last_unix_s, 0.0))
         is_lost = silent_s > self._flight.connect_timeout_s
         return [ev.Restarted(reason=failure), *([ev.LinkLost(silent_s)] if is_lost else [])]
 
-    async def _find(self, member: Member, recorded: RecordedVehicle) -> Finding:
-        link, state = member.runner.link, recorded.state
+    async def _find(self, vehicle: OwnVehicle, recorded: RecordedVehicle) -> Finding:
+        link, state = vehicle.runner.link, recorded.state
         identity = await link.identify(self._flight.connect_timeout_s)
         stored = await link.recognise(recorded.plans, proof.candidates(state))
         return Finding(identity, link.state(), self._unix_s(), stored)
 
-    def _report(self, member: Member, restarted: ev.Restarted) -> None:
-        state = self._recorded[member.spec.sysid].state
+    def _report(self, vehicle: OwnVehicle, restarted: ev.Restarted) -> None:
+        state = self._recorded[vehicle.spec.sysid].state
         if restarted.reason:
-            self._say(f"{member.name}: not taken over: {restarted.reason}; {LET_GO}")
+            self._say(f"{vehicle.name}: not taken over: {restarted.reason}; {LET_GO}")
         elif state.phase in ENDED:
-            self._say(f"{member.name}: its flight had ended before: {state.outcome or state.phase}")
+            self._say(f"{vehicle.name}: its flight had ended before: {state.outcome or state.phase}")
         elif state.phase in ON_GROUND or (restarted.on_ground and state.phase is Phase.LAUNCHING):
-            self._say(f"{member.name}: on the ground; it is prepared for its launch as in a new flight")
+            self._say(f"{vehicle.name}: on the ground; it is prepared for its launch as in a new flight")
         else:
-            self._say(f"{member.name}: taken over in phase {state.phase} [taken-up]")
+            self._say(f"{vehicle.name}: taken over in phase {state.phase} [taken-up]")

@@ -52,7 +52,7 @@ async def run_tasks(flight: Flight) -> Ending:
 
 async def _run_agents(flight: Flight, simulating: asyncio.Task[Exception | None]) -> Ending:
     async with asyncio.TaskGroup() as tasks:
-        helpers = [tasks.create_task(member.runner.run()) for member in flight.members]
+        helpers = [tasks.create_task(vehicle.runner.run()) for vehicle in flight.vehicles]
         helpers.append(tasks.create_task(_show(flight)))
         helpers.append(tasks.create_task(_watch_callbacks()))
         helpers.append(tasks.create_task(_watch_simulator(flight, simulating)))
@@ -99,7 +99,7 @@ async def _simulate(flight: Flight) -> Exception | None:
 async def _watch_simulator(flight: Flight, simulating: asyncio.Task[Exception | None]) -> None:
     """Raise the error that ends the simulator; a failed simulator does not end a flight of real vehicles."""
     error = await asyncio.shield(simulating)
-    if isinstance(error, SimulatorFailed) and len(flight.run.simulated) < len(flight.members):
+    if isinstance(error, SimulatorFailed) and len(flight.run.simulated) < len(flight.vehicles):
         flight.run.ui.say(extended(str(error), "; the vehicles that are not simulated fly on"))
     elif error is not None:
         raise error
@@ -117,7 +117,7 @@ async def _run_simulator(flight: Flight) -> None:
     endpoint = run.endpoint(run.simulated[0])
 
     def has_unprocessed() -> bool:
-        is_behind = any(member.runner.is_behind for member in flight.members)
+        is_behind = any(vehicle.runner.is_behind for vehicle in flight.vehicles)
         return is_behind or resources.front_end.has_unread(endpoint)
 
     await run_simulator(run.scenario, endpoint, run.folder, has_unprocessed)
@@ -136,7 +136,7 @@ async def _load_planner(flight: Flight) -> None:
 async def _in_emergency(flight: Flight, simulating: asyncio.Task[Exception | None], *, at_once: bool) -> None:
     """Order the armed vehicles; simulated vehicles whose simulator has ended get no order."""
     section, say = flight.run.scenario.config.flight, flight.run.ui.say
-    reachable = [m for m in flight.members if not (m.spec.simulated and simulating.done())]
+    reachable = [m for m in flight.vehicles if not (m.spec.simulated and simulating.done())]
     order = FlightOrder(section.on_exit)
     if at_once:
         await emergency.at_once("the operator ends the program at once", reachable, order, say)
@@ -189,7 +189,7 @@ async def _show(flight: Flight) -> None:
 
     def refresh() -> None:
         nonlocal samples
-        clocks = [m.state.vehicle.time_boot_s for m in flight.members if not m.runner.is_untaken]
+        clocks = [m.state.vehicle.time_boot_s for m in flight.vehicles if not m.runner.is_untaken]
         samples = [*samples[-20:], (time.monotonic(), max(clocks, default=0.0))]
         (t0, v0), (t1, v1) = samples[0], samples[-1]
         counters = flight.resources.network.counters
@@ -201,7 +201,7 @@ async def _show(flight: Flight) -> None:
                 counters[m.spec.sysid].refused.total(),
                 lost_timeout_s=config.flight.lost_timeout_s,
             )
-            for m in flight.members
+            for m in flight.vehicles
         ]
         speed = (v1 - v0) / (t1 - t0) if t1 > t0 and v0 > 0.0 else None
         view = SwarmView(config.name, statistics.longest_flight_s, speed, rows, flight.director.on_ctrl_c)

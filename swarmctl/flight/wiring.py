@@ -1,4 +1,4 @@
-"""The wiring of a flight: members, operator service, preflight checks, director."""
+"""The wiring of a flight: vehicles, operator service, preflight checks, director."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from swarmctl.config.scenario import RandomStream
 from swarmctl.config.specs import Spec
 from swarmctl.core import events as ev
 from swarmctl.flight.director import Director
-from swarmctl.flight.member import Member
 from swarmctl.flight.operator_orders import operator_service_for
+from swarmctl.flight.own_vehicle import OwnVehicle
 from swarmctl.flight.resources import FlightResources, Records
 from swarmctl.flight.run import Run
 from swarmctl.flight.runner import Runner
@@ -37,12 +37,12 @@ class Flight:
         self.run = run
         self.records = records
         self.resources = resources
-        self.members = tuple(map(self._member, range(len(run.scenario.specs))))
+        self.vehicles = tuple(map(self._vehicle, range(len(run.scenario.specs))))
         self.operator_service = operator_service_for(
             run.scenario,
             resources.transport,
             run.ui.say,
-            self.members,
+            self.vehicles,
             flies_all=run.options.flies_all,
             has_keys=run.options.frame_codec is not None,
             authentication=resources.token_authentication or run.options.authentication,
@@ -64,7 +64,7 @@ class Flight:
             sets_parameters=may_set and not is_check_only,
         )
         self.director = Director(
-            self.members,
+            self.vehicles,
             run.scenario.config.flight,
             seconds_per_delay=1.0 / run.times.speedup,
             say=run.ui.say,
@@ -75,7 +75,7 @@ class Flight:
             takeover=self._takeover(),
         )
 
-    def _member(self, index: int) -> Member:
+    def _vehicle(self, index: int) -> OwnVehicle:
         """Return a vehicle with its link, its sensor and its agent."""
         run, scenario, spec = self.run, self.run.scenario, self.run.scenario.specs[index]
         source, recorded = SOURCES[scenario.config.sensor.source], run.recorded.get(spec.sysid)
@@ -93,7 +93,7 @@ class Flight:
         if recorded is not None:
             self.resources.network.restore(spec.sysid, recorded.observations)
         if not source.external:
-            return Member(spec, runner)
+            return OwnVehicle(spec, runner)
         receiver = ReportReceiver(
             self.resources.transport,
             scenario.config.name,
@@ -105,7 +105,7 @@ class Flight:
             tolerance_s=scenario.config.communication.clock_tolerance_s,
             authentication=self.resources.token_authentication or run.options.report_authentication,
         )
-        return Member(spec, runner, receiver.counts)
+        return OwnVehicle(spec, runner, receiver.counts)
 
     def _open_link(self, spec: Spec, on_event: Callable[[LinkEvent], None]) -> DirectLink:
         scenario = self.run.scenario
@@ -134,13 +134,13 @@ class Flight:
     def _record_waiver(self, waived: CheckResult) -> None:
         self.records.evidence.waived(waived.vehicle, waived.check, f"found {waived.finding.found}")
 
-    def _permit(self, external: Sequence[Member]) -> None:
+    def _permit(self, external: Sequence[OwnVehicle]) -> None:
         """Ask for the permission to arm, and record the operator's answer."""
         self.run.permission(external)
-        for member in external:
-            firmware = member.identity.firmware if member.identity is not None else None
+        for vehicle in external:
+            firmware = vehicle.identity.firmware if vehicle.identity is not None else None
             self.records.evidence.operator(
-                "permits arming", member.name, firmware=firmware, url=member.spec.url
+                "permits arming", vehicle.name, firmware=firmware, url=vehicle.spec.url
             )
 
     def _takeover(self) -> Takeover | None:

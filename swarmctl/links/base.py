@@ -74,17 +74,6 @@ class LaunchFailed(LinkError):
     """The take-off is not confirmed; a vehicle that did not leave the ground may still be armed."""
 
 
-class LaunchBlockedError(LaunchFailed):
-    """Another vehicle blocked the take-off; the vehicle is disarmed."""
-
-    def __init__(self, text: str, *, why: str, was_armed: bool) -> None:
-        super().__init__(text)
-        self.why = why
-        """obstacle, as returned by `blocked_by`"""
-        self.was_armed = was_armed
-        """True if the vehicle was armed and has been disarmed again"""
-
-
 class CommandFailed(LinkError):
     """A command in flight is not confirmed, or another command has interrupted it."""
 

@@ -21,7 +21,6 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
     Busy,
     CommandFailed,
-    LaunchBlockedError,
     LaunchFailed,
     LinkError,
     LinkEvent,
@@ -168,23 +167,21 @@ class DirectLink:
             self._check(result, LinkError, subject)
         return result
 
-    async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> None:
+    async def launch(self, blocked_by: Callable[[], str] = lambda: "") -> LaunchBlocked | None:
         """Arm and start the mission; return when the vehicle climbs. THIS ARMS THE VEHICLE.
 
         `blocked_by` returns the current obstacle to the take-off as text, or "". The link calls `blocked_by`
         right before arming and right before the take-off. No command follows once another party has chosen a
-        mode or armed the vehicle. Raises LaunchFailed, and LaunchBlockedError for an obstacle.
+        mode or armed the vehicle. The result is None after the take-off. Raises LaunchFailed.
         """
         if why_not := await self._front_end.why_not_arm():
             raise LaunchFailed(f"{self._label}: the vehicle is not armed: {why_not}")
         done: Done = await self._perform("launch", partial(basic.launch, blocked_by=blocked_by))
         if isinstance(done, LaunchBlocked):
-            why = done.failure or ""
-            raise LaunchBlockedError(
-                f"{self._label}: launch postponed: {why}", why=why, was_armed=done.was_armed
-            )
+            return done
         if done.failure:
             raise LaunchFailed(f"{self._label}: {done.failure}")
+        return None
 
     async def swap(self, plan: FlightPlan) -> Swapped:
         """Upload and verify `plan` in flight and fly it, without hold mode if possible.

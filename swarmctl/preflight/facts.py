@@ -95,12 +95,12 @@ class Finding(msgspec.Struct, frozen=True):
     ok: bool
     found: str
     wanted: str
-    cure: str = ""
+    remedy: str = ""
     set_by_fly: bool = False
     """True if `swarmctl fly` removes the cause before arming"""
 
     @classmethod
-    def cured_by_fly(cls, found: str, wanted: str, facts: PreflightFacts) -> Finding:
+    def remedied_by_fly(cls, found: str, wanted: str, facts: PreflightFacts) -> Finding:
         """Return a failure that ends with the parameters of `fly_sets`."""
         return cls(
             False, found, wanted, f"`fly` sets: {changes(facts.fly_sets, facts.answers.parameters)}", True
@@ -113,7 +113,7 @@ def changes(new: Mapping[str, float], found: Mapping[str, float]) -> str:
 
 
 def without_route(facts: PreflightFacts, wanted: str) -> tuple[str, str, str]:
-    """Return found, wanted and cure of a check that needs a route, for a vehicle without a route."""
+    """Return found, wanted and remedy of a check that needs a route, for a vehicle without a route."""
     found = "no verified route on the vehicle"
     if facts.no_route_because:
         return f"{found} ({facts.no_route_because})", wanted, "first remove the cause in parentheses"

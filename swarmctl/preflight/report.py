@@ -45,8 +45,8 @@ def failures(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
         for result in results:
             finding = result.finding
             if not finding.ok:
-                cure = "waived by the operator" if result.waived else finding.cure
+                remedy = "waived by the operator" if result.waived else finding.remedy
                 grid.add_row(
-                    *(Text(t) for t in (result.vehicle, result.check, finding.found, finding.wanted, cure))
+                    *(Text(t) for t in (result.vehicle, result.check, finding.found, finding.wanted, remedy))
                 )
     return grid

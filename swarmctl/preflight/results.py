@@ -29,7 +29,7 @@ class CheckResult(msgspec.Struct, frozen=True):
         waive = f" (or --waive {self.check}:{self.vehicle})" if self.waivable else ""
         return (
             f"{self.vehicle}: {self.check}: found {finding.found}; wanted {finding.wanted}; "
-            f"{finding.cure}{waive}"
+            f"{finding.remedy}{waive}"
         )
 
 

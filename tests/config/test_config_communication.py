@@ -44,7 +44,7 @@ def test_a_correct_section_has_no_problems(communication: str, tmp_path: Path) -
 ROWS: list[tuple[str, str, list[tuple[str, ...]]]] = [
     ("bursts too short for the share", "loss: 0.9, loss_burst: 1", [("loss_burst", "0.9", "9")]),
     (
-        "bursts too short, with a cure that is rounded to be accepted",
+        "bursts too short, with a remedy that is rounded to be accepted",
         "loss: 0.6, loss_burst: 1.3",
         [("loss_burst", "1.3", "0.6", "1.5")],
     ),

@@ -59,8 +59,8 @@ def test_altitudes_with_hardly_more_than_the_limit_between_them_are_refused_with
     (found,) = problems(separation={"vertical_m": vertical_m}, flight={"altitude_step_m": step_m})
     other, height_m = ("uav3", 40.0 + 2.0 * step_m) if step_m < vertical_m else ("uav2", 40.0 + step_m)
     names = (f"uav1 and {other}", f"40 and {height_m:g} m", f"separation.vertical_m = {vertical_m:g} m")
-    cures = (f" {apart_m:g} m or more", f" {most_m:g} m or less")
-    assert_problems([found], [("flight.altitude_step_m", *names, *cures)])
+    remedies = (f" {apart_m:g} m or more", f" {most_m:g} m or less")
+    assert_problems([found], [("flight.altitude_step_m", *names, *remedies)])
     cured = {"vertical_m": most_m}
     assert problems(separation=cured, flight={"altitude_step_m": step_m}) == []
     assert problems(separation={"vertical_m": vertical_m}, flight={"altitude_step_m": apart_m}) == []

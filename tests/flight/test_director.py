@@ -12,7 +12,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.events import Rebooted
 from swarmctl.flight.arming_clearance import LaunchNotPermitted
 from swarmctl.flight.director import NOT_READY_S
-from swarmctl.flight.member import Member
+from swarmctl.flight.own_vehicle import OwnVehicle
 from swarmctl.flight.permission import PreflightFailed
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import LaunchFailed, NoAnswer, NotReady, SystemIdConflict, UploadFailed
@@ -96,10 +96,10 @@ def test_another_vehicle_at_the_same_address_is_not_launched() -> None:
     ground = Ground()
     states: list[str] = []
 
-    def settled(members: Sequence[Member]) -> bool:
+    def settled(vehicles: Sequence[OwnVehicle]) -> bool:
         ground.links[1].answers = Identity(2, 3, 2, "ArduPilot 4.6.2", bytes(range(18)))
-        states[:] = [m.state.outcome for m in members]
-        return [m.state.phase for m in members] == ["flying", "failed", "flying"]
+        states[:] = [m.state.outcome for m in vehicles]
+        return [m.state.phase for m in vehicles] == ["flying", "failed", "flying"]
 
     ground.fly(settled)
     assert "[other-vehicle]" in states[1]
@@ -109,8 +109,8 @@ def test_another_vehicle_at_the_same_address_is_not_launched() -> None:
 def test_two_senders_with_one_system_id_keep_all_on_the_ground() -> None:
     ground = Ground()
 
-    def conflicting(members: Sequence[Member]) -> bool:
-        members[2].runner.on_link_event(SystemIdConflict("127.0.0.1:9"))
+    def conflicting(vehicles: Sequence[OwnVehicle]) -> bool:
+        vehicles[2].runner.on_link_event(SystemIdConflict("127.0.0.1:9"))
         return False
 
     with pytest.raises(PreflightFailed, match=r"^uav3: .*127\.0\.0\.1:9"):
@@ -121,8 +121,8 @@ def test_two_senders_with_one_system_id_keep_all_on_the_ground() -> None:
 def test_a_vehicle_that_falls_silent_before_the_launch_keeps_all_on_the_ground() -> None:
     ground = Ground()
 
-    def silenced(members: Sequence[Member]) -> bool:
-        members[0].runner.post(ev.LinkLost(5.0))
+    def silenced(vehicles: Sequence[OwnVehicle]) -> bool:
+        vehicles[0].runner.post(ev.LinkLost(5.0))
         return False
 
     with pytest.raises(PreflightFailed, match="uav1: lost"):
@@ -135,11 +135,11 @@ def test_a_vehicle_that_reboots_during_its_delay_is_made_ready_again() -> None:
     ground = Ground(scenario)
     booted: list[bool] = []
 
-    def boot_once(members: Sequence[Member]) -> bool:
-        if not booted and members[0].state.phase == "flying":
+    def boot_once(vehicles: Sequence[OwnVehicle]) -> bool:
+        if not booted and vehicles[0].state.phase == "flying":
             booted.append(True)
-            members[1].runner.on_link_event(Rebooted())
-        return all_launched(members)
+            vehicles[1].runner.on_link_event(Rebooted())
+        return all_launched(vehicles)
 
     ground.fly(boot_once)
     assert ground.links[1].calls == [
@@ -214,7 +214,7 @@ def test_early_checks_launch_no_vehicle() -> None:
 
 def test_preflight_without_launch_gives_no_permission_to_arm() -> None:
     ground = Ground(launch="never", simulated=False, identities={2: b"\x12\x34"})
-    ground.fly(lambda members: any(m.runner.clearance.is_permitted for m in members))
+    ground.fly(lambda vehicles: any(m.runner.clearance.is_permitted for m in vehicles))
     assert [link.calls for link in ground.links] == [["connect", "prepare", "upload"]] * 3
     assert ground.asked == []
 
@@ -223,12 +223,12 @@ def test_a_vehicle_that_reboots_before_its_launch_is_checked_again() -> None:
     ground = Ground(small(simulate={"count": 2, "delay_step_s": 4.0}))
     booted: list[bool] = []
 
-    def boot_once(members: Sequence[Member]) -> bool:
-        if not booted and members[0].state.phase == "flying":
+    def boot_once(vehicles: Sequence[OwnVehicle]) -> bool:
+        if not booted and vehicles[0].state.phase == "flying":
             booted.append(True)
-            members[1].runner.on_link_event(Rebooted())
+            vehicles[1].runner.on_link_event(Rebooted())
             ground.clearance.verdicts = [["uav2: gps: ..."]]
-        return bool(booted) and members[1].state.ended
+        return bool(booted) and vehicles[1].state.ended
 
     ground.fly(boot_once)
     assert ground.clearance.calls[-2:] == [("set up", "uav2"), ("check", "uav2")]
@@ -247,8 +247,8 @@ def test_a_failed_launch_does_not_stop_other_vehicles() -> None:
     ground = Ground(fails={1: LaunchFailed("uav1: arming refused")})
     states: list[tuple[str, str]] = []
 
-    def settled(members: Sequence[Member]) -> bool:
-        states[:] = [(m.state.phase, m.state.outcome) for m in members]
+    def settled(vehicles: Sequence[OwnVehicle]) -> bool:
+        states[:] = [(m.state.phase, m.state.outcome) for m in vehicles]
         return [phase for phase, _ in states] == ["failed", "flying", "flying"]
 
     ground.fly(settled)

@@ -14,7 +14,7 @@ from swarmctl.core.events import Rebooted, TelemetryReceived
 from swarmctl.core.frames import IntentPoint, IntentShared
 from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.flight.member import Member
+from swarmctl.flight.own_vehicle import OwnVehicle
 
 pytestmark = pytest.mark.virtual
 
@@ -23,10 +23,10 @@ def test_an_order_to_launch_waits_for_running_checks() -> None:
     ground = Ground(small(simulate={"count": 1}), launch="ordered", clearance=Clearance(lasts_s=10.0))
     seen: list[tuple[float, list[str]]] = []
 
-    def story(members: Sequence[Member]) -> bool:
+    def story(vehicles: Sequence[OwnVehicle]) -> bool:
         now = asyncio.get_running_loop().time()
-        if not seen and members[0].state.phase == "standby":
-            members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
+        if not seen and vehicles[0].state.phase == "standby":
+            vehicles[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
             seen.append((now, []))
         if seen and "launch" in ground.links[0].calls:
             seen.append((now, []))
@@ -40,15 +40,15 @@ def test_a_vehicle_launches_by_its_order_alone_and_is_made_ready_again_after_a_r
     ground = Ground(small(simulate={"count": 2}), launch="ordered")
     moments: list[str] = []
 
-    def story(members: Sequence[Member]) -> bool:
-        phases = {m.state.phase for m in members}
+    def story(vehicles: Sequence[OwnVehicle]) -> bool:
+        phases = {m.state.phase for m in vehicles}
         if phases == {"standby"} and len(moments) < 50:
             moments.append("ready")
             if len(moments) == 20:
-                members[1].runner.on_link_event(Rebooted())
+                vehicles[1].runner.on_link_event(Rebooted())
             if len(moments) == 50:
-                members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
-        return members[0].state.phase == "flying"
+                vehicles[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
+        return vehicles[0].state.phase == "flying"
 
     ground.fly(story)
     assert len(moments) == 50
@@ -60,15 +60,15 @@ def test_a_vehicle_waiting_for_its_order_may_fall_silent_for_any_time() -> None:
     ground = Ground(small(simulate={"count": 2}, flight={"lost_timeout_s": 2.0}), launch="ordered")
     waited: list[str] = []
 
-    def story(members: Sequence[Member]) -> bool:
-        if not waited and all(m.state.phase == "standby" for m in members):
+    def story(vehicles: Sequence[OwnVehicle]) -> bool:
+        if not waited and all(m.state.phase == "standby" for m in vehicles):
             ground.links[0].age = 99.0
-            members[0].runner.post(ev.LinkLost(5.0))
-        waited.append(members[0].state.phase)
+            vehicles[0].runner.post(ev.LinkLost(5.0))
+        waited.append(vehicles[0].state.phase)
         if len(waited) == 300:
-            members[0].runner.post(ev.LinkRestored())
-            members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
-        return members[0].state.phase == "flying"
+            vehicles[0].runner.post(ev.LinkRestored())
+            vehicles[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
+        return vehicles[0].state.phase == "flying"
 
     ground.fly(story)
     assert len(waited) > 300
@@ -84,12 +84,12 @@ def test_checks_long_before_the_order_to_launch_are_repeated(waits_s: float, che
     ordered_s: list[float] = []
     trouble: list[str] = []
 
-    def story(members: Sequence[Member]) -> bool:
-        state, now = members[0].state, asyncio.get_running_loop().time()
+    def story(vehicles: Sequence[OwnVehicle]) -> bool:
+        state, now = vehicles[0].state, asyncio.get_running_loop().time()
         if state.phase == "standby":
             standby_s.append(now)
             if not ordered_s and now - standby_s[0] >= waits_s:
-                members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
+                vehicles[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
                 ordered_s.append(now)
         trouble[:] = [state.trouble]
         return state.phase == "flying" or (bool(ordered_s) and now - ordered_s[0] > 20.0)
@@ -112,8 +112,8 @@ def test_a_launch_waits_for_a_vehicle_that_enters_its_route_during_the_checks() 
     standby_s: list[float] = []
     launched_s: list[float] = []
 
-    def story(members: Sequence[Member]) -> bool:
-        runner, now = members[0].runner, asyncio.get_running_loop().time()
+    def story(vehicles: Sequence[OwnVehicle]) -> bool:
+        runner, now = vehicles[0].runner, asyncio.get_running_loop().time()
         here = VehicleState(now, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=0.0, alt_amsl_m=300.0)
         runner.on_link_event(TelemetryReceived(replace(here, home_lat_deg=lat_deg, home_lon_deg=lon_deg)))
         if runner.state.phase == "standby" and not standby_s:
@@ -140,12 +140,12 @@ def test_the_next_order_repeats_checks_that_failed_at_the_first() -> None:
     ordered_s: list[float] = []
     waits_s: list[float] = []
 
-    def story(members: Sequence[Member]) -> bool:
-        state, now = members[0].state, asyncio.get_running_loop().time()
+    def story(vehicles: Sequence[OwnVehicle]) -> bool:
+        state, now = vehicles[0].state, asyncio.get_running_loop().time()
         if state.phase == "standby":
             waits_s.append(now)
             if now - [waits_s[0], *ordered_s][-1] >= 40.0:  # the checks are too old by then
-                members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
+                vehicles[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
                 ordered_s.append(now)
         return state.phase == "flying" or state.ended
 
@@ -159,14 +159,14 @@ def test_a_vehicle_that_reboots_after_a_forbidden_launch_is_made_ready_again() -
     ground = Ground(small(simulate={"count": 1}), launch="ordered", clearance=Clearance(verdicts))
     moments: list[float] = []
 
-    def story(members: Sequence[Member]) -> bool:
-        state, now = members[0].state, asyncio.get_running_loop().time()
+    def story(vehicles: Sequence[OwnVehicle]) -> bool:
+        state, now = vehicles[0].state, asyncio.get_running_loop().time()
         if state.phase == "standby":
             moments.append(now)
             if len(moments) == 400:
-                members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
+                vehicles[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
             if len(moments) == 450:
-                members[0].runner.on_link_event(Rebooted())
+                vehicles[0].runner.on_link_event(Rebooted())
         return len(moments) == 600
 
     ground.fly(story)
@@ -176,10 +176,10 @@ def test_a_vehicle_that_reboots_after_a_forbidden_launch_is_made_ready_again() -
 def test_a_vehicle_with_a_long_launch_delay_is_checked_again() -> None:
     ground = Ground(small(simulate={"count": 2, "delay_step_s": 60.0}))
 
-    def worse(members: Sequence[Member]) -> bool:
-        if members[0].state.phase == "flying":
+    def worse(vehicles: Sequence[OwnVehicle]) -> bool:
+        if vehicles[0].state.phase == "flying":
             ground.clearance.verdicts = [["uav2: battery: found 12 %"]]
-        return members[1].state.ended
+        return vehicles[1].state.ended
 
     ground.fly(worse)
     assert "launch" in ground.links[0].calls
@@ -190,16 +190,16 @@ def test_a_vehicle_that_reboots_during_repeated_checks_is_not_launched() -> None
     ground = Ground(small(simulate={"count": 1}), launch="ordered", clearance=Clearance(lasts_s=10.0))
     begun_s: list[float] = []
 
-    def story(members: Sequence[Member]) -> bool:
-        runner, now = members[0].runner, asyncio.get_running_loop().time()
+    def story(vehicles: Sequence[OwnVehicle]) -> bool:
+        runner, now = vehicles[0].runner, asyncio.get_running_loop().time()
         if runner.clearance.is_fresh or not runner.clearance.is_given:
-            return members[0].state.ended or bool(begun_s and now - begun_s[0] > 20.0)
+            return vehicles[0].state.ended or bool(begun_s and now - begun_s[0] > 20.0)
         if not begun_s:
             begun_s.append(now)
             runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
         elif 5.0 < now - begun_s[0] < 6.0:
             runner.on_link_event(Rebooted())
-        return members[0].state.ended
+        return vehicles[0].state.ended
 
     ground.fly(story)
     assert begun_s

@@ -15,14 +15,14 @@ from swarmctl.mavlink.events import Identity
 
 @dataclass
 class KnownMember:
-    """The fields of a member that the conditions read."""
+    """The fields of a vehicle that the conditions read."""
 
     name: str
     identity: Identity | None = None
 
 
 def known(name: str, uid2: bytes | None) -> Any:
-    """Return a member with this identity; with none before its first version message."""
+    """Return a vehicle with this identity; with none before its first version message."""
     if uid2 is None:
         return KnownMember(name)
     return KnownMember(name, Identity(1, 3, 2, "ArduPilot 4.6.2", uid2.ljust(18, b"\0")))
@@ -45,9 +45,9 @@ SIMULATED, REAL = b"sim_vehicle\0", b"\x12\x34"
 def test_without_keys_only_simulated_vehicles_take_orders(
     uid2: bytes | None, has_keys: bool, refused: str
 ) -> None:
-    members = [known("alpha", uid2)]
+    vehicles = [known("alpha", uid2)]
     found = operator_orders.order_refusal(
-        small(), members, GiveOrder(None, "hold"), flies_all=False, has_keys=has_keys
+        small(), vehicles, GiveOrder(None, "hold"), flies_all=False, has_keys=has_keys
     )
     assert bool(found) is bool(refused)
     assert not refused or ("alpha" in found and found.endswith(refused))

@@ -224,4 +224,4 @@ def test_an_old_battery_message_does_not_count(tmp_path: Path) -> None:
     assert holds
     assert failing(report) == [("uav2", "position"), ("uav2", "battery")]
     (finding,) = (c.finding for c in report.checked["uav2"] if c.check == "battery")
-    assert "SYS_STATUS" in finding.cure
+    assert "SYS_STATUS" in finding.remedy

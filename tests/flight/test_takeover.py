@@ -202,7 +202,7 @@ def test_a_second_sender_with_the_id_of_one_vehicle_stops_no_other(
     scenario, made = pair(), app.run_tasks
 
     async def run_tasks(flight: Flight) -> Ending:
-        flight.members[1].runner.on_link_event(SystemIdConflict("udp://10.0.0.1:14550"))
+        flight.vehicles[1].runner.on_link_event(SystemIdConflict("udp://10.0.0.1:14550"))
         return await made(flight)
 
     with crashed(scenario, tmp_path / "a", when=at(30.0)) as crash:

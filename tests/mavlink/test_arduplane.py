@@ -40,14 +40,14 @@ def test_the_mission_takes_off_turns_before_corners_and_lands_at_the_goal_or_at_
 
 @pytest.mark.parametrize("autopilot", [mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4])
 @pytest.mark.parametrize(
-    ("kind", "which", "cure"),
+    ("kind", "which", "remedy"),
     [
         (mavlink.MAV_TYPE_QUADROTOR, FIRST, "airframe: copter"),
         (mavlink.MAV_TYPE_FIXED_WING, FlightPlan(40.0, FIRST.track, FIRST.landing), "airframe: plane"),
     ],
 )
-def test_a_plan_for_another_airframe_is_refused(autopilot, kind, which, cure) -> None:
-    with pytest.raises(ValueError, match=cure):
+def test_a_plan_for_another_airframe_is_refused(autopilot, kind, which, remedy) -> None:
+    with pytest.raises(ValueError, match=remedy):
         dialect_for(autopilot, kind).mission_items(which, HOME)
 
 

@@ -71,7 +71,7 @@ def other(**changes: Any) -> PreflightFacts:
 def test_a_fit_vehicle_passes(check) -> None:
     found = check.check(FIT)
     assert found.ok, found
-    assert found.cure == ""
+    assert found.remedy == ""
 
 
 UNFIT: list[tuple[str, PreflightFacts, str]] = [
@@ -146,10 +146,10 @@ def test_an_unfit_vehicle_fails_with_the_found_value_and_a_cure(
 ) -> None:
     result = finding(name, facts)
     assert not result.ok
-    assert re.search(value, f"{result.found}; {result.wanted}; {result.cure}")
+    assert re.search(value, f"{result.found}; {result.wanted}; {result.remedy}")
     assert result.found
     assert result.wanted
-    assert result.cure
+    assert result.remedy
 
 
 def test_boards_that_report_the_name_of_their_kind_are_not_one_board() -> None:
@@ -241,7 +241,7 @@ def test_the_cure_names_the_parameters_and_the_settings_that_correct_them(
     found = finding("parameters", but(required_parameters=REQUIRED, parameters=reported))
     assert not found.ok
     settings = {BY_PROGRAM, POLICY, WINGS, "speed_m_s", "airframe"}
-    assert {word for word in {*RIGHT, *settings} if word in found.cure} == named
+    assert {word for word in {*RIGHT, *settings} if word in found.remedy} == named
 
 
 def test_the_checks_say_which_parameters_fly_sets() -> None:
@@ -253,14 +253,14 @@ def test_the_checks_say_which_parameters_fly_sets() -> None:
     before_fly = replace(plane, fly_sets={"RTL_AUTOLAND": 1.0}, state=unready)
     position = finding("position", before_fly)
     assert (position.ok, position.set_by_fly) == (False, True)
-    assert "RTL_AUTOLAND 0 → 1" in position.cure
+    assert "RTL_AUTOLAND 0 → 1" in position.remedy
     two_reasons = replace(unready, not_ready=("; ".join(texts),))
     assert not finding("position", replace(before_fly, state=two_reasons)).set_by_fly
     for facts in (before_fly, plane):
         found = finding("parameters", facts)
         assert (found.ok, found.set_by_fly) == (False, False)
-        assert all(name in found.cure for name in ("RTL_AUTOLAND", "Q_ENABLE"))
-        assert BY_PROGRAM not in found.cure
+        assert all(name in found.remedy for name in ("RTL_AUTOLAND", "Q_ENABLE"))
+        assert BY_PROGRAM not in found.remedy
 
 
 def test_a_parameter_that_a_firmware_has_and_does_not_report_fails() -> None:
@@ -272,7 +272,7 @@ def test_a_parameter_that_a_firmware_has_and_does_not_report_fails() -> None:
     found = finding("parameters", but(of_the_link, parameters=reported))
     assert not found.ok
     assert found.found.startswith("COM_DLL_EXCEPT ")
-    assert "COM_DLL_EXCEPT" in found.cure
+    assert "COM_DLL_EXCEPT" in found.remedy
     for value, ok in ((0.0, True), (6.0, True), (1.0, False)):
         complete = but(of_the_link, parameters=reported | {"COM_DLL_EXCEPT": value})
         assert finding("parameters", complete).ok is ok

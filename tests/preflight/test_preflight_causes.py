@@ -1,4 +1,4 @@
-"""Findings of preflight on whole vehicles, with their causes and cures."""
+"""Findings of preflight on whole vehicles, with their causes and remedies."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ def test_a_missing_route_is_reported_with_its_cause(check: object) -> None:
 
 def test_a_route_beyond_a_full_battery_is_not_cured_by_charging() -> None:
     finding = battery.check(replace(FIT, endurance_s=60.0))
-    assert "preflight.endurance_s" in finding.cure
-    assert "preflight.endurance_s" not in battery.check(replace(FIT, reserve_percent=70.0)).cure
+    assert "preflight.endurance_s" in finding.remedy
+    assert "preflight.endurance_s" not in battery.check(replace(FIT, reserve_percent=70.0)).remedy
 
 
 def test_ctrl_c_reports_the_results_so_far(tmp_path: Path) -> None:

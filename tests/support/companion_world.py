@@ -16,7 +16,7 @@ from swarmctl.core.messages import (
     Request,
 )
 from swarmctl.flight import companion
-from swarmctl.flight.director import Launch
+from swarmctl.flight.director import LaunchMode
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.unfinished_run import UnfinishedRun
 from swarmctl.station import client, commands
@@ -41,7 +41,7 @@ class Swarm:
     def start(
         self,
         uav: int,
-        launch: Launch = "ordered",
+        launch: LaunchMode = "ordered",
         *,
         name: str = "",
         resumes: UnfinishedRun | None = None,

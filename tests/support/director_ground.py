@@ -18,22 +18,21 @@ from swarmctl.core.inference.sensor import PERFECT
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.flight.director import Director, Launch
-from swarmctl.flight.member import Member
+from swarmctl.flight.director import Director, LaunchMode
 from swarmctl.flight.network import network_of
+from swarmctl.flight.own_vehicle import OwnVehicle
 from swarmctl.flight.permission import PreflightFailed
 from swarmctl.flight.runner import Runner
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import (
     CommandFailed,
-    LaunchBlockedError,
     LaunchFailed,
     NoAnswer,
     NotReady,
     UploadFailed,
 )
 from swarmctl.mavlink.events import Identity
-from swarmctl.mavlink.protocol.outcome import Swapped
+from swarmctl.mavlink.protocol.outcome import LaunchBlocked, Swapped
 from swarmctl.sensors.footprint import Footprint
 
 MARK = b"sim_vehicle\0"
@@ -87,10 +86,11 @@ class StubLink:
         await self._do("upload", UploadFailed)
         return 0.0
 
-    async def launch(self, in_the_way: Callable[[], str] = lambda: "") -> None:
+    async def launch(self, in_the_way: Callable[[], str] = lambda: "") -> LaunchBlocked | None:
         if why := in_the_way():
-            raise LaunchBlockedError(f"put off: {why}", why=why, was_armed=False)
+            return LaunchBlocked(why)
         await self._do("launch", LaunchFailed)
+        return None
 
     async def swap(self, plan: FlightPlan) -> Swapped:
         await self._do("swap")
@@ -124,15 +124,15 @@ class Clearance:
     early: dict[str, list[str]] = field(default_factory=dict)
     """failures found early, by vehicle name"""
 
-    async def set_up(self, subject: Member) -> None:
+    async def set_up(self, subject: OwnVehicle) -> None:
         self.calls.append(("set up", subject.name))
 
-    async def failures(self, subjects: Sequence[Member], everyone: Sequence[Member]) -> list[str]:
+    async def failures(self, subjects: Sequence[OwnVehicle], everyone: Sequence[OwnVehicle]) -> list[str]:
         self.calls.append(("check", *(s.name for s in subjects)))
         await asyncio.sleep(self.lasts_s)
         return self.verdicts.pop(0) if self.verdicts else []
 
-    async def early_failures(self, subject: Member, everyone: Sequence[Member]) -> list[str]:
+    async def early_failures(self, subject: OwnVehicle, everyone: Sequence[OwnVehicle]) -> list[str]:
         self.calls.append(("check early", subject.name))
         return self.early.get(subject.name, [])
 
@@ -147,7 +147,7 @@ class Ground:
     moved: dict[int, tuple[float, float]] = field(default_factory=dict)
     simulated: bool = True
     allowed: bool = True
-    launch: Launch = "when-ready"
+    launch: LaunchMode = "when-ready"
     clearance: Clearance = field(default_factory=Clearance)
     links: list[StubLink] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
@@ -155,14 +155,14 @@ class Ground:
     said: list[tuple[float, str]] = field(default_factory=list)
     """time on the virtual clock [s], and text"""
 
-    def fly(self, until: Callable[[Sequence[Member]], bool]) -> None:
+    def fly(self, until: Callable[[Sequence[OwnVehicle]], bool]) -> None:
         run_virtual(self._fly(until))
 
-    async def _fly(self, until: Callable[[Sequence[Member]], bool]) -> None:
+    async def _fly(self, until: Callable[[Sequence[OwnVehicle]], bool]) -> None:
         network = network_of(self.scenario, MemoryBus(), RunClock(0.0))
-        members = [self._member(index, network) for index in range(len(self.scenario.specs))]
+        vehicles = [self._vehicle(index, network) for index in range(len(self.scenario.specs))]
         director = Director(
-            members,
+            vehicles,
             self.scenario.config.flight,
             seconds_per_delay=1.0,
             say=lambda text: self.said.append((asyncio.get_running_loop().time(), text)),
@@ -170,11 +170,11 @@ class Ground:
             clearance=self.clearance,
             launch=self.launch,
         )
-        runs = [asyncio.create_task(m.runner.run()) for m in members]
+        runs = [asyncio.create_task(m.runner.run()) for m in vehicles]
         flight = asyncio.create_task(director.fly())
         try:
             async with asyncio.timeout(100.0):
-                while not (flight.done() or until(members)):  # noqa: ASYNC110
+                while not (flight.done() or until(vehicles)):  # noqa: ASYNC110
                     await asyncio.sleep(0.1)
             if flight.done():
                 flight.result()
@@ -183,7 +183,7 @@ class Ground:
                 task.cancel()
             await asyncio.gather(flight, *runs, return_exceptions=True)
 
-    def _member(self, index: int, network: Network) -> Member:
+    def _vehicle(self, index: int, network: Network) -> OwnVehicle:
         spec = replace(self.scenario.specs[index], simulated=self.simulated)
         uid2 = self.identities.get(spec.sysid, MARK)
         link = StubLink(
@@ -193,9 +193,9 @@ class Ground:
             prepares_s=self.prepares_s.get(spec.sysid, 0.0),
         )
         self.links.append(link)
-        return Member(spec, runner_of(self.scenario, link, index, network=network))
+        return OwnVehicle(spec, runner_of(self.scenario, link, index, network=network))
 
-    def _permit(self, foreign: Sequence[Member]) -> None:
+    def _permit(self, foreign: Sequence[OwnVehicle]) -> None:
         self.asked += [m.name for m in foreign]
         if not self.allowed:
             raise PreflightFailed(["not allowed"])
@@ -210,5 +210,5 @@ def runner_of(
     return Runner(scenario.tasks[index], scenario.prior, lambda _: link, sensor, network, observers)
 
 
-def all_launched(members: Sequence[Member]) -> bool:
-    return all(m.state.phase == "flying" for m in members)
+def all_launched(vehicles: Sequence[OwnVehicle]) -> bool:
+    return all(m.state.phase == "flying" for m in vehicles)

@@ -21,8 +21,8 @@ SIMULATED_ENDURANCE_S = 1400.0
 
 def check(facts: PreflightFacts) -> Finding:
     if facts.endurance_s is None:
-        cure = "set preflight.endurance_s to the flight time of a full battery in seconds"
-        return Finding(False, "no configured flight time", "a flight time of a full battery", cure)
+        remedy = "set preflight.endurance_s to the flight time of a full battery in seconds"
+        return Finding(False, "no configured flight time", "a flight time of a full battery", remedy)
     duration_s = flight_s(facts)
     if duration_s is None:
         return Finding(False, *without_route(facts, "a route and the way back"))
@@ -54,13 +54,13 @@ def _is_low_voltage_safe(facts: PreflightFacts) -> bool:
 
 
 def _unsafe_low_voltage(facts: PreflightFacts) -> tuple[str, str, str]:
-    """Return found, wanted and cure."""
+    """Return found, wanted and remedy."""
     low, reported_v = f"{LOW_NAME} {facts.answers.parameters[LOW_NAME]:g} V", facts.state.battery_v
     if reported_v is None:
         return f"{low}, no voltage in SYS_STATUS", "a reported voltage", "check the battery monitor"
     wanted = f"{LOW_NAME} {EMPTY_SHARE * reported_v:.1f} V or more, the voltage of an empty lithium battery"
-    cure = f"set {LOW_NAME} to the low voltage of this battery, or check the battery monitor"
-    return f"{low} at a voltage of {reported_v:.1f} V", wanted, cure
+    remedy = f"set {LOW_NAME} to the low voltage of this battery, or check the battery monitor"
+    return f"{low} at a voltage of {reported_v:.1f} V", wanted, remedy
 
 
 def flight_s(facts: PreflightFacts) -> float | None:

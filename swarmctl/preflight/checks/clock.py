@@ -14,8 +14,8 @@ def check(facts: PreflightFacts) -> Finding:
     if offset_s is None:
         return Finding(False, "no time of day in SYSTEM_TIME", wanted, "wait for the first satellites")
     agrees = abs(offset_s) <= facts.clock_tolerance_s
-    cure = (
+    remedy = (
         "set this machine's clock by NTP, or raise preflight.clock_tolerance_s; a vehicle's clock follows "
         "satellites, a simulated vehicle has its own clock"
     )
-    return Finding(agrees, f"a difference of {offset_s:+.1f} s", wanted, "" if agrees else cure)
+    return Finding(agrees, f"a difference of {offset_s:+.1f} s", wanted, "" if agrees else remedy)

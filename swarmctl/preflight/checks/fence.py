@@ -15,9 +15,9 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(False, "no answer to the download of the fence", wanted, "check the vehicle's link")
     differences = fence_differences(fence_items(facts.fence), facts.answers.fence_items)
     if differences:
-        cure = "find out why the vehicle's fence differs; another ground station may have changed the fence"
-        return Finding(False, differences[0], wanted, cure)
+        remedy = "find out why the vehicle's fence differs; another ground station may have changed the fence"
+        return Finding(False, differences[0], wanted, remedy)
     if facts.answers.fence_failure:
-        cure = "find out why the vehicle does not accept DO_FENCE_ENABLE, or reboot the vehicle"
-        return Finding(False, facts.answers.fence_failure, wanted, cure)
+        remedy = "find out why the vehicle does not accept DO_FENCE_ENABLE, or reboot the vehicle"
+        return Finding(False, facts.answers.fence_failure, wanted, remedy)
     return Finding(True, f"{len(facts.answers.fence_items)} corners, as sent", wanted)

@@ -27,5 +27,5 @@ def check(facts: PreflightFacts) -> Finding:
     if state.heading_deg is None:
         return Finding(False, "no heading in the vehicle's messages", wanted, "check the compass")
     angle_deg = abs((state.heading_deg - leg_deg + 180.0) % 360.0 - 180.0)
-    cure = "" if angle_deg <= MAX_ANGLE_DEG else "turn the vehicle toward the first leg"
-    return Finding(angle_deg <= MAX_ANGLE_DEG, f"{state.heading_deg:.0f} degrees", wanted, cure)
+    remedy = "" if angle_deg <= MAX_ANGLE_DEG else "turn the vehicle toward the first leg"
+    return Finding(angle_deg <= MAX_ANGLE_DEG, f"{state.heading_deg:.0f} degrees", wanted, remedy)

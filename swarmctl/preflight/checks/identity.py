@@ -17,7 +17,9 @@ def check(facts: PreflightFacts) -> Finding:
     airframe = airframe_of(identity)
     found = f"system {identity.sysid}, {identity.firmware}, a {airframe}"
     if airframe != facts.spec.airframe:
-        cure = f"configure the vehicle with `airframe: {airframe}`; its plans are for a {facts.spec.airframe}"
-        return Finding(False, found, wanted, cure)
+        remedy = (
+            f"configure the vehicle with `airframe: {airframe}`; its plans are for a {facts.spec.airframe}"
+        )
+        return Finding(False, found, wanted, remedy)
     matches = identity.sysid == facts.spec.sysid and bool(firmware_of(identity).name)
     return Finding(matches, found, wanted, "" if matches else "correct url or sysid, or remove the vehicle")

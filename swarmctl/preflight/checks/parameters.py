@@ -24,7 +24,7 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(True, f"{len(facts.required_parameters)} parameters as declared", _WANTED)
     found = "; ".join(f"{r.name} {_value(facts, r)}, wanted {r} ({r.declared})" for r in wrong)
     if all(r.name in facts.fly_sets for r in wrong):
-        return Finding.cured_by_fly(found, _WANTED, facts)
+        return Finding.remedied_by_fly(found, _WANTED, facts)
     return Finding(False, found, _WANTED, _cure(facts, wrong))
 
 
@@ -52,7 +52,7 @@ def _cure(facts: PreflightFacts, wrong: Sequence[RequiredParameter]) -> str:
 
 
 def _setting(facts: PreflightFacts, names: Sequence[str]) -> str:
-    """Return the cure for wrong parameters that `fly` can set."""
+    """Return the remedy for wrong parameters that `fly` can set."""
     if facts.fly_sets:
         return f"`fly` sets {_names(names)}"
     if facts.may_set_parameters:

@@ -13,6 +13,6 @@ def check(facts: PreflightFacts) -> Finding:
     if facts.answers.rally_points is None:
         return Finding(False, "no answer to the request for rally points", wanted, "check the vehicle's link")
     if facts.answers.rally_points:
-        cure = "clear the rally points with the program that set them"
-        return Finding(False, f"{facts.answers.rally_points} rally points", wanted, cure)
+        remedy = "clear the rally points with the program that set them"
+        return Finding(False, f"{facts.answers.rally_points} rally points", wanted, remedy)
     return Finding(True, "none", wanted)

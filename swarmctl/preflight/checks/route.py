@@ -28,16 +28,16 @@ def check(facts: PreflightFacts) -> Finding:
     legs_outside = [i for i, (a, b) in enumerate(pairwise(track), 1) if not stays_inside(corners, a, b)]
     where = _landing_outside(facts, plan, corners)
     if where:
-        cure = "widen preflight.fence, or move the start, the goal or the area"
-        return Finding(False, f"the landing pattern {where} leaves the fence", wanted, cure)
+        remedy = "widen preflight.fence, or move the start, the goal or the area"
+        return Finding(False, f"the landing pattern {where} leaves the fence", wanted, remedy)
     if legs_outside:
         found = f"leg {legs_outside[0]} of {len(track) - 1} leaves the fence"
-        cure = "widen preflight.fence, or move the start, the goal or the area"
-        return Finding(False, found, wanted, cure)
+        remedy = "widen preflight.fence, or move the start, the goal or the area"
+        return Finding(False, found, wanted, remedy)
     highest_m = max(plan.takeoff_alt_m, *(p.alt_rel_m for p in (*plan.track, plan.landing)))
     if highest_m > facts.ceiling_m:
-        cure = "raise preflight.fence.max_altitude_m, or fly lower"
-        return Finding(False, f"the route climbs to {highest_m:g} m above home", wanted, cure)
+        remedy = "raise preflight.fence.max_altitude_m, or fly lower"
+        return Finding(False, f"the route climbs to {highest_m:g} m above home", wanted, remedy)
     return Finding(True, f"{len(track) - 1} legs inside, up to {highest_m:g} m", wanted)
 
 

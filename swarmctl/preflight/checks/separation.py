@@ -14,8 +14,8 @@ def check(facts: PreflightFacts) -> Finding:
     wanted = f"{limits.vertical_m:g} m of height or {limits.horizontal_m:g} m over ground from all others"
     conflicts = [text for other in facts.others if (text := _conflict_with(facts, other))]
     if conflicts:
-        cure = "change the altitudes (flight.altitude_step_m, vehicles[].altitude_m), or add launch delays"
-        return Finding(False, "; ".join(conflicts), wanted, cure)
+        remedy = "change the altitudes (flight.altitude_step_m, vehicles[].altitude_m), or add launch delays"
+        return Finding(False, "; ".join(conflicts), wanted, remedy)
     return Finding(True, f"separated from {len(facts.others)} other vehicles", wanted)
 
 

@@ -17,6 +17,6 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(False, "too few positions", wanted, "check the vehicle's link")
     found = f"a position every {every_s:.1f} s"
     if every_s > MAX_PERIOD_S:
-        cure = "the radio or its data rate (PX4: MAV_0_RATE) is used up: set links.stop_other_streams or "
-        return Finding(False, found, wanted, f"{cure}links.position_hz, or use fewer vehicles on one radio")
+        remedy = "the radio or its data rate (PX4: MAV_0_RATE) is used up: set links.stop_other_streams or "
+        return Finding(False, found, wanted, f"{remedy}links.position_hz, or use fewer vehicles on one radio")
     return Finding(True, found, wanted)

@@ -19,8 +19,8 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(False, found, wanted, "give each vehicle its own sysid")
     twins = [other.spec.name for other in facts.others if _same_board(facts, other.identity)]
     if twins:
-        cure = "two URLs lead to one vehicle; correct one of them"
-        return Finding(False, f"the same autopilot as {', '.join(twins)}, by its uid", wanted, cure)
+        remedy = "two URLs lead to one vehicle; correct one of them"
+        return Finding(False, f"the same autopilot as {', '.join(twins)}, by its uid", wanted, remedy)
     return Finding(True, f"system {facts.spec.sysid}, no other vehicle", wanted)
 
 

@@ -15,7 +15,7 @@ from swarmctl.report.final_state import describe_final_state
 POLL_S = 0.1
 
 
-class Member:
+class OwnVehicle:
     """One vehicle of this process."""
 
     def __init__(self, spec: Spec, runner: Runner, report_counts: ReportCounts | None = None) -> None:
@@ -91,17 +91,17 @@ class Member:
         self._failure = reason.removeprefix(f"{self.name}: ")
 
 
-def not_simulated(members: Sequence[Member]) -> list[Member]:
+def not_simulated(vehicles: Sequence[OwnVehicle]) -> list[OwnVehicle]:
     """Return the vehicles that are not known to be of the built-in simulator."""
-    return [m for m in members if m.identity is None or not m.identity.simulated]
+    return [m for m in vehicles if m.identity is None or not m.identity.simulated]
 
 
-def names(members: Sequence[Member]) -> str:
-    return ", ".join(m.name for m in members)
+def names(vehicles: Sequence[OwnVehicle]) -> str:
+    return ", ".join(m.name for m in vehicles)
 
 
-async def until(condition: Callable[[Member], bool], members: Sequence[Member]) -> None:
-    """Wait until the condition holds for every member."""
+async def until(condition: Callable[[OwnVehicle], bool], vehicles: Sequence[OwnVehicle]) -> None:
+    """Wait until the condition holds for every vehicle."""
     # Polled: silence, unlike a change of phase, raises no event.
-    while not all(condition(m) for m in members):  # noqa: ASYNC110
+    while not all(condition(m) for m in vehicles):  # noqa: ASYNC110
         await asyncio.sleep(POLL_S)
