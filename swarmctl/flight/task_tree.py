@@ -2,9 +2,13 @@
 
 | task | ends |
 |---|---|
-| simulated vehicles | last, because emergency orders need them |
-| an agent for each vehicle, display, callbacks, bus | with the director; an error in one task ends them all |
-| director, with tasks for the vehicles on the ground | after the flight, or after a shutdown |
+| `_simulate`: the simulated vehicles | last, because emergency orders need them |
+| `Runner.run`, one for each vehicle: its agent | with the director |
+| `_show`: the display | with the director |
+| `_watch_callbacks`, `_watch_simulator`, `watch_bus`: errors from elsewhere | with the director |
+| `_direct`: the director, with tasks for the vehicles on the ground | after the flight, or a shutdown |
+
+An error in one task ends them all.
 """
 
 from __future__ import annotations

@@ -9,6 +9,16 @@
 | `signing`, `forwarding`, `tlog` | MAVLink 2 signatures, copies for other stations, logs |
 | `url`, `transports` | forms of a URL; UDP, TCP, serial, memory |
 
+The way of a frame from a vehicle to its agent, and back:
+
+1. `transports` receive bytes, and call `Line.receive` with the sender's address.
+2. `Line` finds the frames, checks signatures, and copies the frames to other stations.
+3. `Channel`, one for each vehicle of the line, checks the address, writes the tlog, and decodes the message.
+4. `DirectLink` passes the message to its `Session` (`mavlink/session.py`), the part without I/O.
+5. `Session` answers with messages to send and with events.
+6. `DirectLink` sends the messages by `Channel.send`, `Line.send` and the transport. The events go to the
+   vehicle's runner (`flight/runner.py`), and from there to the agent.
+
 Imports mavlink and core. A new link is a class derived from `DirectLink` and one line in `LINKS`; its name is
 a value of a vehicle's `link`. Begin with `direct`.
 """
