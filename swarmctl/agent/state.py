@@ -22,12 +22,11 @@ from swarmctl.agent.progress import Progress, points_ahead_on, progress_on
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.plans import Plans
+from swarmctl.agent.traffic.other_vehicles import KnownFlight, NeighbourReport
 from swarmctl.agent.traffic.plan_conflicts import Conflicts
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     DEFAULT_SEPARATION,
-    NeighbourIntent,
-    NeighbourReport,
     ProximityAlarm,
     SeparationRules,
 )
@@ -195,7 +194,7 @@ class AgentState(msgspec.Struct, frozen=True):
     """vehicles predicted to come too close"""
     height_offset_m: float = 0.0
     """height above the task's altitude, for separation from other vehicles [m]"""
-    all_intents: Mapping[int, NeighbourIntent] = msgspec.field(default_factory=dict)
+    all_intents: Mapping[int, KnownFlight] = msgspec.field(default_factory=dict)
     """last intents of other vehicles"""
     own_intent: Trajectory | None = None
     """last intent sent; times by the vehicle's clock, heights above the sea"""
@@ -299,7 +298,7 @@ class AgentState(msgspec.Struct, frozen=True):
         return {uav: known[uav] for uav in known if uav not in hidden} if hidden else known
 
     @property
-    def intents(self) -> Mapping[int, NeighbourIntent]:
+    def intents(self) -> Mapping[int, KnownFlight]:
         """The intents of other vehicles for the rules for other traffic: without hidden members."""
         hidden, known = self.membership.hidden, self.all_intents
         return {uav: known[uav] for uav in known if uav not in hidden} if hidden else known

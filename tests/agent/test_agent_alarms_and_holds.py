@@ -21,8 +21,8 @@ from msgspec import structs
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase
+from swarmctl.agent.traffic.known_flights import known_flights
 from swarmctl.agent.traffic.own_flight import planned_flight
-from swarmctl.agent.traffic.prediction import silent_neighbours
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, StateShared
@@ -141,7 +141,7 @@ def test_a_landed_vehicle_does_not_count_as_silent() -> None:
     story.other(1, MID_M[0], MID_M[1] + 90.0, (0.0, 0.0, 0.0), alt_rel_m=0.0, phase="done")
     for _ in range(8):
         story.at(140.0)
-    assert silent_neighbours(story.state) == {}
+    assert known_flights(story.state) == {}
 
 
 def test_a_vehicle_on_the_ground_shares_no_alarm() -> None:

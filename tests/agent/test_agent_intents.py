@@ -19,8 +19,9 @@ from agent_stories import (
 )
 
 from swarmctl.agent.failsafes.base import Fence
-from swarmctl.agent.traffic.check import clashes_of_route, known_flights
+from swarmctl.agent.traffic.check import clashes_of_route
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M, REPEAT_EVERY_S
+from swarmctl.agent.traffic.known_flights import known_flights
 from swarmctl.agent.traffic.own_flight import HOLD_DURATION_S, LAST_POSITION_S
 from swarmctl.agent.traffic.route_deconfliction import RETRY_S
 from swarmctl.agent.traffic.separation.trajectory import Trajectory

@@ -3,6 +3,8 @@
 | module | acts on | action |
 |---|---|---|
 | `separation/` | trajectories | distances in space and time |
+| `other_vehicles` | another vehicle | its last state, and its known flight, as records |
+| `known_flights` | states and intents received | which flights of other vehicles are known now |
 | `check` | flights | the trajectory check: a flight, the known flights, limits -> the clashes |
 | `priority` | two vehicles | the rule of priority, a table |
 | `wait` | one wait | its record, its deadline, and the function that ends it; a table of all waits |
@@ -18,10 +20,9 @@
 | `returning`, `return_schedule` | return path | holds until the path is clear |
 | `last_resort` | plans and velocities, `look_ahead_s` ahead | stops a copter in time |
 
-One check: launch, new plan, hold, return and landing ask `check.clashes_with` about `check.known_flights`,
-the flown plan about `check.known_intents`. Known flights are intents, else extrapolated positions, else last
-positions. A vehicle off its intent counts with its intent and its extrapolated position. Returns have
-uncertain speeds and heights, so `return_schedule` also compares their whole corridors.
+One check: launch, new plan, hold, return and landing ask `check` about `known_flights.known_flights`, the
+flown plan about `known_intents`. Returns have uncertain speeds and heights, so `return_schedule` also
+compares their whole corridors.
 
 One rule: vehicles do not negotiate. All vehicles apply `priority.gives_way` to the same data, so one of two
 vehicles gives way if at least one can.

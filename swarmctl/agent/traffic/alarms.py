@@ -15,6 +15,7 @@ from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.last_resort import may_stop
+from swarmctl.agent.traffic.other_vehicles import NeighbourReport
 from swarmctl.agent.traffic.own_flight import own_trajectory, reach
 from swarmctl.agent.traffic.prediction import (
     hears_nobody,
@@ -32,7 +33,6 @@ from swarmctl.agent.traffic.route_hold import (
 )
 from swarmctl.agent.traffic.separation.trajectory import Bounds
 from swarmctl.agent.traffic.separation.watch import (
-    NeighbourReport,
     ProximityAlarm,
     alarm_bounds,
     clear_height_m,

@@ -1,36 +1,24 @@
 """The trajectory check: a flight, the known flights of other vehicles, and limits give the clashes. Pure.
 
-Launch, new plans, holds and landings ask `clashes_with` about `known_flights`, the flown plan about
+Launch, new plans, holds, returns and landings ask about `known_flights.known_flights`, the flown plan about
 `known_intents`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from swarmctl.agent.phases import EN_ROUTE, ENDED
+from swarmctl.agent.phases import EN_ROUTE
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import (
-    MAX_AGE_S,
-    predict,
-    predictions,
-    silent_neighbours,
-)
-from swarmctl.agent.traffic.priority import Activity, Standing
+from swarmctl.agent.traffic.other_vehicles import KnownFlight, Others
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
-
-Others = Mapping[int, NeighbourIntent]
-"""flights of other vehicles by system id"""
 
 MARGIN = 1.15
 """Multiple of the horizontal limit that planned flights keep; landing spots are 1.2 limits apart."""
-FRESH_S = 20.0
-"""Age from which on an intent is the last of a silent vehicle [s]: three intents in a row may be lost."""
 SEPARATES_WITHIN_S = 6.0
 """Time from the first motion within which two close vehicles have to separate [s]: a climb takes as long."""
 WAIT_WITHIN_S = 15.0
@@ -45,10 +33,6 @@ BETTER_PLAN_SHARE = 0.3
 PLACES_EVERY_S = 0.5
 """Time between two places on a flight that are compared [s]."""
 
-OFF_INTENT_S, OFF_INTENT_M, OFF_INTENT_UP_M = 1.5, 4.0, 2.0
-"""Distances from the announced position beyond which a vehicle is off its intent: over ground the distance
-flown in OFF_INTENT_S, at least OFF_INTENT_M, and in height [m]."""
-
 
 def clashes_with(flight: Trajectory, others: Others, limits: Limits) -> tuple[Clash, ...]:
     """Return the clashes of a flight with the flights of `others`, soonest first.
@@ -60,15 +44,15 @@ def clashes_with(flight: Trajectory, others: Others, limits: Limits) -> tuple[Cl
 
 def _clashes_with_each(
     flight: Trajectory, others: Others, limits: Limits
-) -> Iterator[tuple[Clash, NeighbourIntent]]:
-    """Yield the first clash with each flight that another vehicle may take: its intent, or straight on."""
+) -> Iterator[tuple[Clash, KnownFlight]]:
+    """Yield the first clash with each flight that another vehicle may take: as known, or straight on."""
     limits = Limits(MARGIN * limits.horizontal_m, limits.vertical_m)
     near = near_flights(flight, others, limits)
-    straight = {uav: intent.straight_on() for uav, intent in near.items() if intent.straight is not None}
+    straight = {uav: known.straight_on() for uav, known in near.items() if known.straight is not None}
     for part in (near, straight):
-        wider = {uav: intent.limits(limits) for uav, intent in part.items() if any(intent.uncertainty_m)}
-        late = {uav for uav, intent in part.items() if intent.may_be_late}
-        flights = {uav: intent.flight for uav, intent in part.items()}
+        wider = {uav: known.limits(limits) for uav, known in part.items() if any(known.uncertainty_m)}
+        late = {uav for uav, known in part.items() if known.may_be_late}
+        flights = {uav: known.flight for uav, known in part.items()}
         for clash in find_clashes(flight, flights, limits, wider=wider, late=late):
             yield clash, part[clash.other]
 
@@ -88,11 +72,11 @@ def describe_clashes(state: AgentState, clashes: Sequence[Clash]) -> str:
     )
 
 
-def near_flights(flight: Trajectory, others: Others, limits: Limits) -> dict[int, NeighbourIntent]:
+def near_flights(flight: Trajectory, others: Others, limits: Limits) -> dict[int, KnownFlight]:
     """Return those of `others` that may clash with a flight, by bounding boxes."""
     at = TIME_TOLERANCE_S, limits.horizontal_m, limits.horizontal_m, limits.vertical_m
     mine = Bounds.of(flight).wider(at)
-    return {uav: intent for uav, intent in others.items() if mine.meets(intent.bounds)}
+    return {uav: known for uav, known in others.items() if mine.meets(known.bounds)}
 
 
 def clashes_of_route(
@@ -112,11 +96,11 @@ def clashes_if_changed(
     limits = state.task.separation.limits
     near_s = flight.times_s[0] + (TIME_TOLERANCE_S if present is None else SEPARATES_WITHIN_S)
 
-    def separates(intent: NeighbourIntent) -> bool:
+    def separates(known: KnownFlight) -> bool:
         # Over a goal a vehicle has no other way than down: there the planned times of a late vehicle count.
-        if intent.may_be_late and state.phase in EN_ROUTE:
-            return _separates_from_late(flight, intent.flight, intent.limits(limits))
-        return _separates(flight, present, intent.flight, intent.limits(limits))
+        if known.may_be_late and state.phase in EN_ROUTE:
+            return _separates_from_late(flight, known.flight, known.limits(limits))
+        return _separates(flight, present, known.flight, known.limits(limits))
 
     found = _clashes_with_each(flight, others, limits)
     return _soonest_of_each([clash for clash, of in found if clash.at_s > near_s or not separates(of)])
@@ -190,33 +174,6 @@ def _least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float
     return None if at is None else limits.share(at.horizontal_m, at.vertical_m)
 
 
-def known_flights(state: AgentState, near: Bounds | None = None) -> dict[int, NeighbourIntent]:
-    """Return the known flights of other vehicles: intents, extrapolated positions, or last positions.
-
-    A vehicle off its intent counts with both: the intent, and its extrapolated position. `near`: leave out
-    the vehicles that keep away from this box by the limits, as announced and straight on. Most of the time no
-    vehicle is near in height, so this is quick.
-    """
-    known = {uav: as_intent(path) for uav, path in silent_neighbours(state).items()}
-    known |= known_intents(state)
-    announced, reports = state.intents, state.neighbours
-    if near is not None:
-        limits = state.task.separation.limits
-        wide_m, high_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
-        box = near.wider((TIME_TOLERANCE_S, wide_m, wide_m, high_m))
-        come_near = predictions(state, box).keys() | {uav for uav, of in known.items() if of.may_meet(box)}
-        known = {uav: intent for uav, intent in known.items() if uav in come_near}
-        reports = {uav: report for uav, report in reports.items() if uav in come_near}
-    for uav, report in reports.items():
-        intent = known.get(uav) if uav in announced else None
-        if intent is not None and not _is_off(report, intent):
-            continue
-        if (path := predict(state, report)) is not None:
-            straight = as_intent(path)
-            known[uav] = straight if intent is None else intent.and_straight_on(straight.flight)
-    return known
-
-
 def share_of(mine: Sequence[Trajectory], others: Sequence[Trajectory], limits: Limits) -> float:
     """Return the least distance of any of two flights, as a share of the limits."""
     found = (_least_share(one, other, limits) for one in mine for other in others)
@@ -231,52 +188,3 @@ def come_within(
     sides = 0.0, wider.horizontal_m, wider.horizontal_m, wider.vertical_m
     boxes = [(one, Bounds.of(one).wider(sides)) for one in mine]
     return any(other.may_meet(box) and intervals(one, other, wider) for other in others for one, box in boxes)
-
-
-def _is_off(report: NeighbourReport, intent: NeighbourIntent) -> bool:
-    """Return whether a vehicle is not where its intent says; False for a state older than the intent."""
-    if report.at_s < intent.sent_s:
-        return False
-    planned = intent.flight.at(report.at_s)
-    if planned is None:
-        return True
-    at, (east_m_s, north_m_s, _) = report.position_m, report.state.velocity_m_s
-    off_m = max(OFF_INTENT_M, OFF_INTENT_S * math.hypot(east_m_s, north_m_s))
-    return math.dist(at[:2], planned[:2]) > off_m or abs(at[2] - planned[2]) > OFF_INTENT_UP_M
-
-
-def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
-    """Return the intents of other vehicles by system id, those of silent vehicles with their landings."""
-    now_s, reports, known = state.vehicle.time_boot_s, state.neighbours, {}
-    for uav, intent in state.intents.items():
-        if not 0.0 <= (age_s := now_s - intent.sent_s) <= MAX_AGE_S:
-            continue
-        report = reports.get(uav)
-        if report is not None and report.at_s > intent.sent_s and report.state.phase in ENDED:
-            continue  # it has withdrawn its intent
-        if age_s <= FRESH_S and (report is None or report.is_recent(now_s)):
-            known[uav] = intent
-            continue
-        heard_s = intent.sent_s if report is None else max(intent.sent_s, report.at_s)
-        if (silent := intent.of_silent_vehicle(heard_s, intent.sent_s + MAX_AGE_S)) is not None:
-            known[uav] = silent
-    return known
-
-
-def as_intent(path: Trajectory) -> NeighbourIntent:
-    """Return a predicted path as a flight that its vehicle cannot change."""
-    return NeighbourIntent(path, Bounds.of(path), may_change=False, sent_s=path.times_s[0])
-
-
-def standing_of(state: AgentState, uav: int, intent: NeighbourIntent) -> Standing:
-    """Return another vehicle's standing for the rule of priority."""
-    activity = Activity.EN_ROUTE if intent.may_change else Activity.LANDING
-    if intent.on_ground:
-        activity = Activity.CLIMBING
-    return Standing(activity, intent.may_change, uav, _height_now_m(state, intent))
-
-
-def _height_now_m(state: AgentState, intent: NeighbourIntent) -> float:
-    now_s, flight = state.vehicle.time_boot_s, intent.straight or intent.flight
-    at = flight.at(min(max(now_s, flight.times_s[0]), flight.times_s[-1]))
-    return flight.points[-1][2] if at is None else at[2]

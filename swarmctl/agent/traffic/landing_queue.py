@@ -29,15 +29,14 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
     SEPARATES_WITHIN_S,
     WAIT_WITHIN_S,
-    Others,
     clashes_if_changed,
     clashes_with,
     come_within,
     describe_clashes,
-    known_flights,
     near_flights,
-    standing_of,
 )
+from swarmctl.agent.traffic.known_flights import known_flights, standing_of
+from swarmctl.agent.traffic.other_vehicles import KnownFlight, Others
 from swarmctl.agent.traffic.own_flight import planned_flight, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody, position_amsl, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
@@ -50,7 +49,6 @@ from swarmctl.agent.traffic.route_hold import (
 )
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import Waypoint
@@ -145,22 +143,22 @@ def hold_before_landing(state: AgentState, to: frozenset[int]) -> StepResult:
     return command(replace(state, n_holds=state.n_holds + 1), ev.FlightOrder.HOLD, wait=wait)
 
 
-def _conflict_horizon_s(intent: NeighbourIntent) -> float:
+def _conflict_horizon_s(known: KnownFlight) -> float:
     """Return the time within which a conflict counts [s]: less if the other vehicle can change its plan."""
-    return SEPARATES_WITHIN_S if intent.may_change else WAIT_WITHIN_S
+    return SEPARATES_WITHIN_S if known.may_change else WAIT_WITHIN_S
 
 
-def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, NeighbourIntent]:
+def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, KnownFlight]:
     """Return the flights of the vehicles that go first: those below, by the rule of priority."""
     mine = Standing(Activity.LANDING, True, state.task.uav, here[2])
     found = {}
-    for uav, intent in others.items():
+    for uav, known in others.items():
         # Over the landing place only heights and system ids count: the lower vehicle is in the way.
         # A silent vehicle may be anywhere on its way down.
-        can_yield = not intent.may_be_late
-        theirs = replace(standing_of(state, uav, intent), activity=Activity.LANDING, can_yield=can_yield)
+        can_yield = not known.may_be_late
+        theirs = replace(standing_of(state, uav, known), activity=Activity.LANDING, can_yield=can_yield)
         if gives_way(mine, theirs):
-            found[uav] = intent
+            found[uav] = known
     return found
 
 

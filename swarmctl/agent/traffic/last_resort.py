@@ -21,13 +21,10 @@ from swarmctl.agent.commands import StepResult
 from swarmctl.agent.failsafes.base import is_urgent
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import (
-    ENOUGH,
-    come_within,
-    known_flights,
-    share_of,
-)
+from swarmctl.agent.traffic.check import ENOUGH, come_within, share_of
+from swarmctl.agent.traffic.known_flights import known_flights
 from swarmctl.agent.traffic.landing_queue import HOLD_BEFORE_DESCENT_S, hold_before_landing
+from swarmctl.agent.traffic.other_vehicles import KnownFlight, NeighbourReport
 from swarmctl.agent.traffic.own_flight import planned_flight, reach
 from swarmctl.agent.traffic.prediction import (
     HEARD_S,
@@ -48,7 +45,6 @@ from swarmctl.agent.traffic.separation.trajectory import (
     landing_start_s,
     until_landing,
 )
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import BRAKING_M_S2
@@ -146,19 +142,19 @@ def _hold(state: AgentState, to: frozenset[int], text: str) -> StepResult:
 
 
 def _has_to_stop(
-    state: AgentState, mine: Paths, stop: Trajectory, late_stop: Paths, uav: int, intent: NeighbourIntent
+    state: AgentState, mine: Paths, stop: Trajectory, late_stop: Paths, uav: int, known: KnownFlight
 ) -> bool:
     """Return whether this vehicle has to stop for another one.
 
     At its last moment, when a later stop is too late, the vehicle stops whatever the priority. It does so too
     if only a stop of the other one would be too close. Otherwise the rule of priority decides.
     """
-    limits = intent.limits(state.task.separation.limits)
+    limits = known.limits(state.task.separation.limits)
 
     def comes_close(paths: Paths, theirs: Paths) -> bool:
         return come_within(paths, theirs, limits, ENOUGH)
 
-    theirs, their_stop, has_to_stop = _paths(state, uav, intent), _stop_of(state, uav), False
+    theirs, their_stop, has_to_stop = _paths(state, uav, known), _stop_of(state, uav), False
     for paths in (their_stop, theirs):
         has_to_stop = comes_close(mine, paths) and _helps(stop, mine, [paths], limits)
         if has_to_stop and comes_close(late_stop, paths):
@@ -202,14 +198,14 @@ def _may_hold(state: AgentState, other: NeighbourReport) -> bool:
     return is_heard and is_free and is_high and other.state.hovers
 
 
-def _can_stop_for(state: AgentState, stop: Trajectory, uav: int, intent: NeighbourIntent) -> bool:
+def _can_stop_for(state: AgentState, stop: Trajectory, uav: int, known: KnownFlight) -> bool:
     """Return whether another vehicle, on its known flight, can still stop clear of this vehicle's stop."""
     report = state.neighbours.get(uav)
     if report is None or not _may_hold(state, report):
         return False
-    flight, after_s = intent.straight or intent.flight, LIKELY_REACTION_S + REACTS_S
+    flight, after_s = known.straight or known.flight, LIKELY_REACTION_S + REACTS_S
     their_stop = _later_stop(state, flight, after_s, LIKELY_BRAKING_M_S2)
-    limits = intent.limits(state.task.separation.limits)
+    limits = known.limits(state.task.separation.limits)
     return not come_within((stop,), their_stop, limits, ENOUGH)
 
 
@@ -229,20 +225,20 @@ def _helps(stop: Trajectory, paths: Paths, others: Sequence[Paths], limits: Limi
     return share_of((stop,), announced, limits) > flown_on - BETTER_STOP_SHARE
 
 
-def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
-    """Return the flights that another vehicle may take: first its intent, then straight on for some seconds.
+def _paths(state: AgentState, uav: int, known: KnownFlight) -> Paths:
+    """Return the flights that another vehicle may take: its known flight first, then straight on.
 
     A vehicle off its intent flies straight on. A vehicle with a hold as its intent brakes.
     """
     now_s, report = state.vehicle.time_boot_s, state.neighbours.get(uav)
     straight = None if report is None else predict(state, report)
     if straight is None:
-        return (intent.flight,)
-    if intent.straight is not None:
+        return (known.flight,)
+    if known.straight is not None:
         return (straight,)
-    if intent.flight.ends_in_hold:
-        return (intent.flight,)
-    return intent.flight, straight.lasting(max(now_s, straight.times_s[0]) + STRAIGHT_ON_S)
+    if known.flight.ends_in_hold:
+        return (known.flight,)
+    return known.flight, straight.lasting(max(now_s, straight.times_s[0]) + STRAIGHT_ON_S)
 
 
 def _own_paths(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, plan: Trajectory) -> Paths:

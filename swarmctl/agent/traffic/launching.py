@@ -19,14 +19,15 @@ from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import clashes_with, describe_clashes, known_flights, standing_of
+from swarmctl.agent.traffic.check import clashes_with, describe_clashes
 from swarmctl.agent.traffic.intents import publish_intent
+from swarmctl.agent.traffic.known_flights import known_flights, standing_of
+from swarmctl.agent.traffic.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.own_flight import to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import until_landing
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
@@ -46,7 +47,7 @@ def launch_if_possible(state: AgentState) -> StepResult:
         return release_vehicle(
             state, f"the vehicle is in mode {state.vehicle.mode}, which this program has not ordered"
         )
-    clashes = _route_clashes(state, _intents_waited_for(state))
+    clashes = _route_clashes(state, _flights_waited_for(state))
     if hears_nobody(state):
         return _wait(state, "no other vehicle is heard any more", clashes)
     if clashes:
@@ -84,7 +85,7 @@ def _launch_conflict(state: AgentState) -> str:
     """
     armed = state.launch.armed_seen
     others = {
-        uav: intent for uav, intent in _intents_waited_for(state).items() if not (intent.on_ground and armed)
+        uav: known for uav, known in _flights_waited_for(state).items() if not (known.on_ground and armed)
     }
     clashes = _route_clashes(state, others)
     return _conflict_text(state, clashes) if clashes else ""
@@ -97,7 +98,7 @@ def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -
     if event.was_armed:
         return cancel_launch(state, f"{event.reason}; the vehicle was disarmed again")
     state, withdrawn = _stand_by(state)
-    clashes = _route_clashes(state, _intents_waited_for(state))
+    clashes = _route_clashes(state, _flights_waited_for(state))
     state, messages = _wait(state, event.reason, clashes, again=True)
     return state, [*withdrawn, *messages]
 
@@ -122,17 +123,17 @@ def _stand_by(state: AgentState) -> StepResult:
     return (state, []) if state.own_intent is None else publish_intent(state, None)
 
 
-def _intents_waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
+def _flights_waited_for(state: AgentState) -> dict[int, KnownFlight]:
     """Return the flights to which the launch gives way, by the rule of priority."""
     mine = Standing(Activity.CLIMBING, True, state.task.uav)
     return {
-        uav: intent
-        for uav, intent in known_flights(state).items()
-        if uav not in state.launch.ignored and gives_way(mine, standing_of(state, uav, intent))
+        uav: known
+        for uav, known in known_flights(state).items()
+        if uav not in state.launch.ignored and gives_way(mine, standing_of(state, uav, known))
     }
 
 
-def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
+def _route_clashes(state: AgentState, others: Mapping[int, KnownFlight]) -> tuple[Clash, ...]:
     """Return the conflicts of the first route with `others`, for a take-off now or a little later."""
     start, mission = state.vehicle.takeoff_lat_lon, state.plans.mission
     if start is None or mission is None or not others:

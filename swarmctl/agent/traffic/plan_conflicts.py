@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import msgspec
 
+from swarmctl.agent.traffic.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 
 
 class DeconflictionCounts(msgspec.Struct, frozen=True):
@@ -25,10 +25,10 @@ class DeconflictionCounts(msgspec.Struct, frozen=True):
 
 class FlightComparison(msgspec.Struct, frozen=True):
     own: Trajectory
-    other: NeighbourIntent
+    other: KnownFlight
     clash: Clash | None
 
-    def is_of(self, own: Trajectory, other: NeighbourIntent) -> bool:
+    def is_of(self, own: Trajectory, other: KnownFlight) -> bool:
         return self.own is own and self.other is other
 
 

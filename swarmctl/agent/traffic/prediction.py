@@ -9,8 +9,8 @@ import math
 
 from swarmctl.agent.phases import ENDED, Phase
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.other_vehicles import NeighbourReport
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, extrapolate
-from swarmctl.agent.traffic.separation.watch import MAX_REPORT_AGE_S, NeighbourReport
 from swarmctl.core.frames import StateShared
 
 HEARD_S = 3.0
@@ -101,13 +101,3 @@ def acknowledged_s(state: AgentState) -> float:
     """Return the time of the last message by which another vehicle acknowledges to hear this one [s]."""
     reports = state.neighbours.values()
     return max((r.at_s for r in reports if r.hears(state.task.uav)), default=-math.inf)
-
-
-def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
-    """Return the last positions of silent vehicles, as trajectories; for vehicles without a known intent."""
-    now_s = state.vehicle.time_boot_s
-    return {
-        uav: extrapolate(report.position_m, (0.0, 0.0, 0.0), now_s, MAX_AGE_S)
-        for uav, report in state.neighbours.items()
-        if MAX_REPORT_AGE_S < now_s - report.at_s <= MAX_AGE_S and report.state.alt_rel_m >= AIRBORNE_M
-    }

@@ -1,6 +1,6 @@
 """Store the recent intents of other vehicles as trajectories by the own clock. Pure.
 
-Without a recent intent of a vehicle, its reported position counts (`check.known_flights`).
+Without a recent intent of a vehicle, its reported position counts (`known_flights`).
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ import numpy as np
 
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
+from swarmctl.agent.traffic.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.own_flight import HOLD_DURATION_S
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, brake, until_landing
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core.frames import IntentShared
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.records import replace
@@ -39,7 +39,7 @@ def receive_intents(state: AgentState, intents: Sequence[tuple[int, float, Inten
             # `landing_queue` handles the landing of a vehicle that can still change its plan.
             ahead = until_landing(flight) if intent.may_change else flight
             landing = flight if intent.may_change else None
-            kept[uav] = NeighbourIntent(
+            kept[uav] = KnownFlight(
                 ahead, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground, landing
             )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
@@ -57,12 +57,12 @@ def with_reported_holds(state: AgentState) -> AgentState:
         shared = report.state
         if shared.waits and shared.hovers and shared.alt_rel_m >= AIRBORNE_M:
             flight = brake(report.position_m, shared.velocity_m_s, report.at_s).holding(HOLD_DURATION_S)
-            holds[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=report.at_s)
+            holds[uav] = KnownFlight.predicted(flight)
     return replace(state, all_intents={**intents, **holds}) if holds else state
 
 
 def _with_present_cells(
-    state: AgentState, senders: Sequence[int], kept: Mapping[int, NeighbourIntent]
+    state: AgentState, senders: Sequence[int], kept: Mapping[int, KnownFlight]
 ) -> Mapping[int, OtherVehicle]:
     """Return `state.others` by new intents; a vehicle that has withdrawn its intent has ended its route."""
     if not state.task.others:

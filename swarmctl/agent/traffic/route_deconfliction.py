@@ -21,16 +21,10 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import at_height, with_level_off
 from swarmctl.agent.replan.plans import Plans
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import (
-    SEPARATES_WITHIN_S,
-    Others,
-    clashes_of_route,
-    describe_clashes,
-    known_flights,
-    known_intents,
-    standing_of,
-)
+from swarmctl.agent.traffic.check import SEPARATES_WITHIN_S, clashes_of_route, describe_clashes
 from swarmctl.agent.traffic.intents import may_change
+from swarmctl.agent.traffic.known_flights import known_flights, known_intents, standing_of
+from swarmctl.agent.traffic.other_vehicles import Others
 from swarmctl.agent.traffic.own_flight import flight_by_plan, planned_flight
 from swarmctl.agent.traffic.plan_conflicts import DeconflictionCounts, FlightComparison
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, hears_nobody, position_of

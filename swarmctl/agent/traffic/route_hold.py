@@ -21,14 +21,9 @@ from swarmctl.agent.replan.climb import CLIMB_M_S, DESCENT_M_S
 from swarmctl.agent.replan.copter_trajectory import at_height, waypoints_of, with_level_off
 from swarmctl.agent.replan.stored_mission import rest_of_stored
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import (
-    SEPARATES_WITHIN_S,
-    Others,
-    clashes_of_route,
-    clashes_with,
-    known_flights,
-    standing_of,
-)
+from swarmctl.agent.traffic.check import SEPARATES_WITHIN_S, clashes_of_route, clashes_with
+from swarmctl.agent.traffic.known_flights import known_flights, standing_of
+from swarmctl.agent.traffic.other_vehicles import Others
 from swarmctl.agent.traffic.own_flight import (
     HOLD_DURATION_S,
     flight_by_plan,
@@ -120,9 +115,9 @@ def hold_would_block(state: AgentState, stop: LocalPoint, others: Others) -> boo
     hold = Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
     # Vehicles well above wait for this vehicle, or give way.
     near = {
-        uav: replace(intent, uncertainty_m=(0.0, 0.0))
-        for uav, intent in others.items()
-        if standing_of(state, uav, intent).up_m - stop[2] < limits.vertical_m + SAME_HEIGHT_M
+        uav: replace(known, uncertainty_m=(0.0, 0.0))
+        for uav, known in others.items()
+        if standing_of(state, uav, known).up_m - stop[2] < limits.vertical_m + SAME_HEIGHT_M
     }
     clashes = clashes_with(hold, near, limits)
     until_s = now_s + SEPARATES_WITHIN_S
@@ -322,8 +317,8 @@ def heights_to_try(state: AgentState, plan: FlightPlan) -> Sequence[float]:
     home_m = home_amsl_m(state)
     margin_m = HEIGHT_MARGIN * task.separation.limits.vertical_m
     tops_m = {
-        max(point[2] for point in intent.flight.points) + intent.uncertainty_m[1] - home_m
-        for intent in known_flights(state).values()
+        max(point[2] for point in known.flight.points) + known.uncertainty_m[1] - home_m
+        for known in known_flights(state).values()
     }
     candidates = {task.altitude_m, planned_m + margin_m, *(top_m + margin_m for top_m in tops_m)}
     low_m, most_m = max(task.altitude_m, least_m), min(ceiling_m(state), reachable_m)

@@ -10,7 +10,7 @@ Points are (east, north, up) [m], times are by one clock [s].
 | `approach` | closest approach of two trajectories, exact |
 | `conflicts` | pairs in conflict among many trajectories |
 | `clash` | planned flights that conflict within a tolerance in time |
-| `watch` | alarms in flight, data on other vehicles |
+| `watch` | limits, alarms in flight |
 
 Imports core.
 """

@@ -1,8 +1,7 @@
-"""Proximity alarms in flight, and data on other vehicles."""
+"""The rules of separation, and proximity alarms in flight."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
@@ -10,9 +9,7 @@ import msgspec
 
 from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, closest, intervals
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
-from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory
-from swarmctl.core.frames import StateShared
-from swarmctl.core.records import replace
+from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
 
 AvoidanceAction = Literal["hold", "climb", "none"]
 
@@ -20,8 +17,6 @@ CLEAR_FACTOR = 1.5
 """Multiple of the limits that the prediction has to keep before an alarm ends."""
 CLEAR_FOR_S = 2.0
 """Time for which the prediction has to keep CLEAR_FACTOR before an alarm ends [s]."""
-MAX_REPORT_AGE_S = 5.0
-"""Greatest age of a state from which another vehicle's position is predicted [s]."""
 HEIGHT_MARGIN = 1.2
 """Multiple of the vertical limit that a new height keeps, because vehicles do not hold a height exactly."""
 
@@ -37,87 +32,6 @@ class SeparationRules(msgspec.Struct, frozen=True):
 
 
 DEFAULT_SEPARATION = SeparationRules()
-
-
-class NeighbourReport(msgspec.Struct, frozen=True):
-    """Last state received from another vehicle."""
-
-    state: StateShared
-    at_s: float
-    """time of the state by the clock of the receiving vehicle [s]"""
-    position_m: LocalPoint
-    """reported position in the local frame of the area, height above the sea [m]"""
-
-    def is_recent(self, now_s: float) -> bool:
-        """Return whether a position can still be predicted from this state."""
-        return 0.0 <= now_s - self.at_s <= MAX_REPORT_AGE_S
-
-    def hears(self, uav: int) -> bool:
-        """Return whether the other vehicle acknowledges receiving the states of `uav`."""
-        return uav in self.state.hears
-
-
-class NeighbourIntent(msgspec.Struct, frozen=True):
-    """Last intent received from another vehicle: its present or next flight."""
-
-    flight: Trajectory
-    """times of the receiver's vehicle clock, local frame of the area, heights above the sea"""
-    bounds: Bounds
-    """bounds of the flight, with its uncertainty"""
-    may_change: bool
-    """True if the vehicle can change its plan"""
-    sent_s: float
-    uncertainty_m: tuple[float, float] = (0.0, 0.0)
-    """uncertainty of the flight, horizontal and vertical [m]"""
-    on_ground: bool = False
-    """True if the vehicle is about to take off"""
-    landing: Trajectory | None = None
-    """the flight with its landing; None if `flight` is the whole flight"""
-
-    may_be_late: bool = False
-    """True if the vehicle may have stopped anywhere on its flight, and may go on at any time"""
-
-    straight: Trajectory | None = None
-    """flight straight on for some seconds, if the vehicle is off its intent; else None"""
-
-    def and_straight_on(self, straight: Trajectory) -> NeighbourIntent:
-        """Return the intent of a vehicle off its intent, which may also fly straight on."""
-        return replace(self, straight=straight, bounds=self.bounds.joined(Bounds.of(straight)))
-
-    def straight_on(self) -> NeighbourIntent:
-        """Return the flight straight on, as an intent."""
-        assert self.straight is not None
-        return replace(
-            self,
-            flight=self.straight,
-            straight=None,
-            landing=None,
-            uncertainty_m=(0.0, 0.0),
-            may_be_late=False,
-        )
-
-    def of_silent_vehicle(self, heard_s: float, until_s: float) -> NeighbourIntent | None:
-        """Return the intent of a vehicle that is not heard any more since `heard_s`, for a time `until_s`.
-
-        The vehicle flies and lands as announced, or stops on the way. The result is None if it has landed.
-        """
-        flight = self.landing or self.flight
-        if flight.ends_in_hold:
-            flight = flight.lasting(max(until_s, flight.times_s[-1]))
-        ahead, (away_m, up_m) = flight.since(heard_s), self.uncertainty_m
-        if ahead is None or len(ahead.times_s) < 2:
-            return None
-        bounds = Bounds.of(ahead).wider((math.inf, away_m, away_m, up_m))
-        return replace(self, flight=ahead, bounds=bounds, may_change=False, landing=None, may_be_late=True)
-
-    def may_meet(self, box: Bounds) -> bool:
-        """Return whether the flight as announced may come into a box: a quick test."""
-        return box.meets(self.bounds) and (any(self.uncertainty_m) or self.flight.may_meet(box))
-
-    def limits(self, limits: Limits) -> Limits:
-        """Return `limits` enlarged by the uncertainty of the flight."""
-        horizontal_m, vertical_m = self.uncertainty_m
-        return Limits(limits.horizontal_m + horizontal_m, limits.vertical_m + vertical_m)
 
 
 class ProximityAlarm(msgspec.Struct, frozen=True):
