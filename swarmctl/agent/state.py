@@ -22,8 +22,8 @@ from swarmctl.agent.progress import Progress, points_ahead_on, progress_on
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.plans import Plans
-from swarmctl.agent.traffic.other_vehicles import KnownFlight, NeighbourReport
 from swarmctl.agent.traffic.plan_conflicts import Conflicts
+from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight, NeighbourReport
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     DEFAULT_SEPARATION,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from swarmctl.agent.traffic.prediction import MAX_AGE_S
 from swarmctl.agent.traffic.separation.clash import find_clashes
+from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
 from swarmctl.config.scenario import separation_of
 from swarmctl.core.geo import LocalFrame
@@ -21,10 +22,10 @@ def predicted(timeline: Timeline, time_s: float) -> tuple[Conflict, ...]:
     frame, limits = timeline.scenario.grid.frame, separation_of(timeline.scenario.config).limits
     vehicles = timeline.vehicles
     announced = {uav: _flight(vehicle, frame, time_s) for uav, vehicle in vehicles.items()}
-    flights = {uav: flight for uav, flight in announced.items() if flight is not None}
+    flights = {uav: KnownFlight.predicted(flight) for uav, flight in announced.items() if flight is not None}
     found = []
     for uav in list(flights):
-        own = flights.pop(uav)
+        own = flights.pop(uav).flight
         for clash in find_clashes(own, flights, limits):
             if (mine := own.at(clash.at_s)) is not None:
                 pair = (vehicles[uav].name, vehicles[clash.other].name)

@@ -3,7 +3,6 @@
 | module | acts on | action |
 |---|---|---|
 | `separation/` | trajectories | distances in space and time |
-| `other_vehicles` | another vehicle | its last state, and its known flight, as records |
 | `known_flights` | states and intents received | which flights of other vehicles are known now |
 | `check` | flights | the trajectory check: a flight, the known flights, limits -> the clashes |
 | `priority` | two vehicles | the rule of priority, a table |

@@ -15,7 +15,6 @@ from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.last_resort import may_stop
-from swarmctl.agent.traffic.other_vehicles import NeighbourReport
 from swarmctl.agent.traffic.own_flight import own_trajectory, reach
 from swarmctl.agent.traffic.prediction import (
     hears_nobody,
@@ -31,6 +30,7 @@ from swarmctl.agent.traffic.route_hold import (
     may_give_way,
     reachable_heights_m,
 )
+from swarmctl.agent.traffic.separation.other_vehicles import NeighbourReport
 from swarmctl.agent.traffic.separation.trajectory import Bounds
 from swarmctl.agent.traffic.separation.watch import (
     ProximityAlarm,

@@ -12,10 +12,11 @@ from itertools import pairwise
 
 from swarmctl.agent.phases import EN_ROUTE
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.other_vehicles import KnownFlight, Others
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, find_clashes
+from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight, Others
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
+from swarmctl.core.records import replace
 
 MARGIN = 1.15
 """Multiple of the horizontal limit that planned flights keep; landing spots are 1.2 limits apart."""
@@ -34,12 +35,13 @@ PLACES_EVERY_S = 0.5
 """Time between two places on a flight that are compared [s]."""
 
 
-def clashes_with(flight: Trajectory, others: Others, limits: Limits) -> tuple[Clash, ...]:
+def clashes_with(state: AgentState, flight: Trajectory, others: Others) -> tuple[Clash, ...]:
     """Return the clashes of a flight with the flights of `others`, soonest first.
 
     Flights keep MARGIN times the horizontal limit, because vehicles drift in wind and stop late.
     """
-    return _soonest_of_each([clash for clash, _ in _clashes_with_each(flight, others, limits)])
+    found = _clashes_with_each(flight, others, state.task.separation.limits)
+    return _soonest_of_each([clash for clash, _ in found])
 
 
 def _clashes_with_each(
@@ -50,10 +52,7 @@ def _clashes_with_each(
     near = near_flights(flight, others, limits)
     straight = {uav: known.straight_on() for uav, known in near.items() if known.straight is not None}
     for part in (near, straight):
-        wider = {uav: known.limits(limits) for uav, known in part.items() if any(known.uncertainty_m)}
-        late = {uav for uav, known in part.items() if known.may_be_late}
-        flights = {uav: known.flight for uav, known in part.items()}
-        for clash in find_clashes(flight, flights, limits, wider=wider, late=late):
+        for clash in find_clashes(flight, part, limits):
             yield clash, part[clash.other]
 
 
@@ -99,24 +98,23 @@ def clashes_if_changed(
     def separates(known: KnownFlight) -> bool:
         # Over a goal a vehicle has no other way than down: there the planned times of a late vehicle count.
         if known.may_be_late and state.phase in EN_ROUTE:
-            return _separates_from_late(flight, known.flight, known.limits(limits))
-        return _separates(flight, present, known.flight, known.limits(limits))
+            return _separates_from_late(flight, known, limits)
+        return _separates(flight, present, replace(known, may_be_late=False), limits)
 
     found = _clashes_with_each(flight, others, limits)
     return _soonest_of_each([clash for clash, of in found if clash.at_s > near_s or not separates(of)])
 
 
-def _leads_away(flight: Trajectory, other: Trajectory, limits: Limits, *, is_late: bool = False) -> bool:
+def _leads_away(flight: Trajectory, other: KnownFlight, limits: Limits) -> bool:
     """Return whether a flight keeps the limits SEPARATES_WITHIN_S after its first motion, and from then on.
 
-    A vehicle in hold moves only after its upload. `is_late`: the other may be late.
+    A vehicle in hold moves only after its upload.
     """
     after = flight.since(flight.moves_from_s + SEPARATES_WITHIN_S)
-    late = frozenset({0} if is_late else ())
-    return after is None or not find_clashes(after, {0: other}, limits, late=late)
+    return after is None or not find_clashes(after, {0: other}, limits)
 
 
-def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
+def _separates(flight: Trajectory, present: Trajectory | None, other: KnownFlight, limits: Limits) -> bool:
     """Return whether a flight separates two vehicles that are close now.
 
     It has to lead away (`_leads_away`). Until then the vehicles may be closer than ENOUGH in three cases:
@@ -125,33 +123,33 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
     - they are nearer than the limits already, and hardly come closer than now;
     - the present flight comes closer by BETTER_PLAN_SHARE.
     """
-    begin_s = flight.times_s[0]
+    begin_s, wide = flight.times_s[0], other.limits(limits)
     if not _leads_away(flight, other, limits):
         return False
-    here, there = flight.at(begin_s), other.at(begin_s)
-    least = _least_share(flight, other, limits)
+    here, there = flight.at(begin_s), other.flight.at(begin_s)
+    least = _least_share(flight, other.flight, wide)
     if least is None or here is None or there is None:
         return True
-    now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
+    now = wide.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
     # A vehicle that brakes now may come as near as the limits.
     allowed = min((1.0 - CLOSER_BY) * now, 1.0 if present is None else ENOUGH)
     if least >= (max(allowed, 1.0) if now >= 1.0 else allowed) - 1e-6:
         return True
-    present_least = None if present is None else _least_share(present, other, limits)
+    present_least = None if present is None else _least_share(present, other.flight, wide)
     return present_least is not None and least >= present_least + BETTER_PLAN_SHARE
 
 
-def _separates_from_late(flight: Trajectory, other: Trajectory, limits: Limits) -> bool:
+def _separates_from_late(flight: Trajectory, other: KnownFlight, limits: Limits) -> bool:
     """Return whether a flight separates a vehicle from one that may be anywhere on its flight.
 
     It comes no nearer to any place of the other flight than now, if that is nearer than the limits.
     """
-    here = flight.points[0]
-    now = min(limits.share(math.dist(here[:2], at[:2]), abs(here[2] - at[2])) for at in _places(other))
+    here, wide = flight.points[0], other.limits(limits)
+    now = min(wide.share(math.dist(here[:2], at[:2]), abs(here[2] - at[2])) for at in _places(other.flight))
     share = min(now, 1.0) - 1e-6
-    nearer = Limits(share * limits.horizontal_m, share * limits.vertical_m)
-    is_nearer = bool(find_clashes(flight, {0: other}, nearer, late=frozenset({0})))
-    return not is_nearer and _leads_away(flight, other, limits, is_late=True)
+    nearer = Limits(share * wide.horizontal_m, share * wide.vertical_m)
+    is_nearer = bool(find_clashes(flight, {0: replace(other, uncertainty_m=(0.0, 0.0))}, nearer))
+    return not is_nearer and _leads_away(flight, other, limits)
 
 
 def _places(flight: Trajectory) -> Iterator[LocalPoint]:

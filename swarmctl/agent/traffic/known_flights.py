@@ -7,10 +7,10 @@ import math
 from swarmctl.agent.phases import ENDED
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import MARGIN
-from swarmctl.agent.traffic.other_vehicles import MAX_REPORT_AGE_S, KnownFlight, NeighbourReport
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S, predict, predictions
 from swarmctl.agent.traffic.priority import Activity, Standing
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S
+from swarmctl.agent.traffic.separation.other_vehicles import MAX_REPORT_AGE_S, KnownFlight, NeighbourReport
 from swarmctl.agent.traffic.separation.trajectory import Bounds, extrapolate
 
 FRESH_S = 20.0

@@ -36,7 +36,6 @@ from swarmctl.agent.traffic.check import (
     near_flights,
 )
 from swarmctl.agent.traffic.known_flights import known_flights, standing_of
-from swarmctl.agent.traffic.other_vehicles import KnownFlight, Others
 from swarmctl.agent.traffic.own_flight import planned_flight, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody, position_amsl, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
@@ -48,6 +47,7 @@ from swarmctl.agent.traffic.route_hold import (
     would_block,
 )
 from swarmctl.agent.traffic.separation.clash import Clash
+from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight, Others
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
@@ -122,7 +122,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     until_s = descends_s if stops_later else math.inf
     clashes = [
         clash
-        for clash in clashes_with(flight, waited_for, limits)
+        for clash in clashes_with(state, flight, waited_for)
         if clash.at_s < min(until_s, now_s + _conflict_horizon_s(waited_for[clash.other]))
     ]
     if not clashes or would_block(state):
@@ -225,10 +225,10 @@ def _descent_conflicts(state: AgentState, here_amsl: LocalPoint) -> tuple[Clash,
         flight = to_shared_frame(state, landing)
     if flight is None:
         return ()
-    limits, until_s = state.task.separation.limits, state.vehicle.time_boot_s + CLEAR_AHEAD_S
+    until_s = state.vehicle.time_boot_s + CLEAR_AHEAD_S
     waited_for = _go_first(state, here_amsl, known_flights(state))
     for delay_s in STARTS_AFTER_S:
-        clashes = clashes_with(flight.later(delay_s), waited_for, limits)
+        clashes = clashes_with(state, flight.later(delay_s), waited_for)
         if soon := tuple(clash for clash in clashes if clash.at_s < until_s):
             return () if _leaves_the_way(state, flight, waited_for) else soon
     return ()

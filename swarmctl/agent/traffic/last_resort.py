@@ -24,7 +24,6 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import ENOUGH, come_within, share_of
 from swarmctl.agent.traffic.known_flights import known_flights
 from swarmctl.agent.traffic.landing_queue import HOLD_BEFORE_DESCENT_S, hold_before_landing
-from swarmctl.agent.traffic.other_vehicles import KnownFlight, NeighbourReport
 from swarmctl.agent.traffic.own_flight import planned_flight, reach
 from swarmctl.agent.traffic.prediction import (
     HEARD_S,
@@ -37,6 +36,7 @@ from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, giv
 from swarmctl.agent.traffic.returning import hold_before_leaving, may_hold_before_leaving
 from swarmctl.agent.traffic.route_hold import follows_own_order, hold, may_give_way
 from swarmctl.agent.traffic.separation.approach import Limits
+from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight, NeighbourReport
 from swarmctl.agent.traffic.separation.trajectory import (
     LocalPoint,
     Trajectory,

@@ -22,11 +22,11 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import clashes_with, describe_clashes
 from swarmctl.agent.traffic.intents import publish_intent
 from swarmctl.agent.traffic.known_flights import known_flights, standing_of
-from swarmctl.agent.traffic.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.own_flight import to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.separation.clash import Clash
+from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.separation.trajectory import until_landing
 from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
@@ -142,10 +142,9 @@ def _route_clashes(state: AgentState, others: Mapping[int, KnownFlight]) -> tupl
     flight = to_shared_frame(state, from_takeoff(state.task, mission.plan, start, delay_s))
     if flight is None:
         return ()
-    flight, limits = until_landing(flight), state.task.separation.limits
-    return next(
-        (clashes for s in STARTS_AFTER_S if (clashes := clashes_with(flight.later(s), others, limits))), ()
-    )
+    first = until_landing(flight)
+    found = (clashes_with(state, first.later(s), others) for s in STARTS_AFTER_S)
+    return next((clashes for clashes in found if clashes), ())
 
 
 def _conflict_text(state: AgentState, clashes: tuple[Clash, ...]) -> str:

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.other_vehicles import MAX_REPORT_AGE_S, NeighbourReport
 from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S
 from swarmctl.agent.traffic.returning import note_returning
+from swarmctl.agent.traffic.separation.other_vehicles import MAX_REPORT_AGE_S, NeighbourReport
 from swarmctl.core.frames import StateShared
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import msgspec
 
-from swarmctl.agent.traffic.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.separation.clash import Clash
+from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 
 

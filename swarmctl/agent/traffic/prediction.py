@@ -9,7 +9,7 @@ import math
 
 from swarmctl.agent.phases import ENDED, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.other_vehicles import NeighbourReport
+from swarmctl.agent.traffic.separation.other_vehicles import NeighbourReport
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, extrapolate
 from swarmctl.core.frames import StateShared
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
-from swarmctl.agent.traffic.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.own_flight import HOLD_DURATION_S
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S
+from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, brake, until_landing
 from swarmctl.core.frames import IntentShared
 from swarmctl.core.geo import LocalFrame

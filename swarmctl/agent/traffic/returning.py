@@ -29,12 +29,12 @@ from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState, Task
 from swarmctl.agent.traffic.check import SEPARATES_WITHIN_S, WAIT_WITHIN_S, clashes_of_route
 from swarmctl.agent.traffic.known_flights import known_flights
-from swarmctl.agent.traffic.other_vehicles import NeighbourReport
 from swarmctl.agent.traffic.own_flight import landing_flight, return_flights
 from swarmctl.agent.traffic.prediction import hears_nobody, position_amsl
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
 from swarmctl.agent.traffic.route_hold import would_block
+from swarmctl.agent.traffic.separation.other_vehicles import NeighbourReport
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev

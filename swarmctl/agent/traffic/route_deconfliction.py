@@ -24,13 +24,13 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import SEPARATES_WITHIN_S, clashes_of_route, describe_clashes
 from swarmctl.agent.traffic.intents import may_change
 from swarmctl.agent.traffic.known_flights import known_flights, known_intents, standing_of
-from swarmctl.agent.traffic.other_vehicles import Others
 from swarmctl.agent.traffic.own_flight import flight_by_plan, planned_flight
 from swarmctl.agent.traffic.plan_conflicts import DeconflictionCounts, FlightComparison
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.route_hold import climbs_to_give_way, heights_to_try, hold, may_hold
 from swarmctl.agent.traffic.separation.clash import Clash
+from swarmctl.agent.traffic.separation.other_vehicles import Others
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan

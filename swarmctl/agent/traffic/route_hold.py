@@ -23,7 +23,6 @@ from swarmctl.agent.replan.stored_mission import rest_of_stored
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import SEPARATES_WITHIN_S, clashes_of_route, clashes_with
 from swarmctl.agent.traffic.known_flights import known_flights, standing_of
-from swarmctl.agent.traffic.other_vehicles import Others
 from swarmctl.agent.traffic.own_flight import (
     HOLD_DURATION_S,
     flight_by_plan,
@@ -38,6 +37,7 @@ from swarmctl.agent.traffic.prediction import (
     position_of,
 )
 from swarmctl.agent.traffic.priority import SAME_HEIGHT_M, Standing, activity_of, gives_way
+from swarmctl.agent.traffic.separation.other_vehicles import Others
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin_wait, verdict
@@ -119,7 +119,7 @@ def hold_would_block(state: AgentState, stop: LocalPoint, others: Others) -> boo
         for uav, known in others.items()
         if standing_of(state, uav, known).up_m - stop[2] < limits.vertical_m + SAME_HEIGHT_M
     }
-    clashes = clashes_with(hold, near, limits)
+    clashes = clashes_with(state, hold, near)
     until_s = now_s + SEPARATES_WITHIN_S
     return any(not near[clash.other].may_change or clash.at_s < until_s for clash in clashes)
 

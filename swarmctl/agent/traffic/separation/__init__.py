@@ -10,6 +10,7 @@ Points are (east, north, up) [m], times are by one clock [s].
 | `approach` | closest approach of two trajectories, exact |
 | `conflicts` | pairs in conflict among many trajectories |
 | `clash` | planned flights that conflict within a tolerance in time |
+| `other_vehicles` | last state and known flight of another vehicle, as records |
 | `watch` | limits, alarms in flight |
 
 Imports core.

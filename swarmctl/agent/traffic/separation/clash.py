@@ -1,22 +1,22 @@
 """Clashes: conflicts between planned flights, with a tolerance in time.
 
 Two flights clash if a position of one flight and a position of the other are too close (`approach.Limits`).
-The times of the positions may differ by `tolerance_s`. For two straight segments, the allowed pairs of times
-form a convex polygon. So do the relative positions, and the distance of the polygon from the origin is exact.
-A vehicle that may have stopped on its flight may be late by any time.
+The times of the positions may differ by TIME_TOLERANCE_S. For two straight segments, the allowed pairs of
+times form a convex polygon. So do the relative positions, and the distance of the polygon from the origin is
+exact. A vehicle that may have stopped on its flight may be late by any time.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from types import MappingProxyType
 
 import msgspec
 import numpy as np
 
 from swarmctl.agent.traffic.separation.approach import Limits
+from swarmctl.agent.traffic.separation.other_vehicles import Others
 from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
 from swarmctl.core.planar import contains, distance_to_leg
 
@@ -40,37 +40,28 @@ class Clash(msgspec.Struct, frozen=True):
     """earliest time at which the own vehicle is too close [s]"""
 
 
-def find_clashes(
-    own: Trajectory,
-    others: Mapping[int, Trajectory],
-    limits: Limits,
-    tolerance_s: float = TIME_TOLERANCE_S,
-    wider: Mapping[int, Limits] = MappingProxyType({}),
-    late: Set[int] = frozenset(),
-) -> tuple[Clash, ...]:
-    """Return the clashes of a flight with `others` (by system id), soonest first.
-
-    `wider`: larger limits for some of the other vehicles. `late`: the vehicles that may be late by any time.
-    """
+def find_clashes(own: Trajectory, others: Others, limits: Limits) -> tuple[Clash, ...]:
+    """Return the clashes of a flight with `others` as announced or predicted, soonest first."""
     if not others:
         return ()
+    uavs = list(others)
     pairs = [
-        (uav, flight, wider.get(uav, limits), math.inf if uav in late else tolerance_s)
-        for uav, flight in others.items()
+        (known.flight, known.limits(limits), math.inf if known.may_be_late else TIME_TOLERANCE_S)
+        for known in others.values()
     ]
     first_s: dict[int, float] = {}
-    for i, k, j in _near_segments(own, [pair[1:] for pair in pairs], tolerance_s):
-        uav, flight, pair_limits, late_s = pairs[k]
+    for i, k, j in _near_segments(own, pairs):
+        uav, (flight, pair_limits, late_s) = uavs[k], pairs[k]
         if first_s.get(uav, math.inf) <= own.times_s[i]:
             continue  # the clash of an earlier segment is sooner
-        at_s = first_clash_s(own.segment(i), flight.segment(j), pair_limits, tolerance_s, late_s)
+        at_s = _first_clash_s(own.segment(i), flight.segment(j), pair_limits, late_s)
         if at_s is not None:
             first_s[uav] = min(first_s.get(uav, math.inf), at_s)
     return tuple(sorted((Clash(*found) for found in first_s.items()), key=lambda c: (c.at_s, c.other)))
 
 
 def _near_segments(
-    own: Trajectory, others: Sequence[tuple[Trajectory, Limits, float]], early_s: float
+    own: Trajectory, others: Sequence[tuple[Trajectory, Limits, float]]
 ) -> Iterator[tuple[int, int, int]]:
     """Yield (own segment, other flight, its segment) of segments whose boxes are within the limits.
 
@@ -81,17 +72,17 @@ def _near_segments(
     reach = np.repeat(reach, counts, axis=0)
     one, other = own.boxes[:, None], np.concatenate([flight.boxes for flight, _, _ in others])
     near = one[..., :4] - reach <= other[:, 4:]
-    reach[:, 0] = early_s
+    reach[:, 0] = TIME_TOLERANCE_S
     near &= other[:, :4] - reach <= one[..., 4:]
     flight_of = [(k, j) for k, count in enumerate(counts) for j in range(count)]
     for i, at in np.argwhere(near.all(axis=2)).tolist():
         yield i, *flight_of[at]
 
 
-def first_clash_s(a: Segment, b: Segment, limits: Limits, early_s: float, late_s: float) -> float | None:
+def _first_clash_s(a: Segment, b: Segment, limits: Limits, late_s: float) -> float | None:
     """Return the approximate time at which `a` is first too close to `b` [s]; None if they do not clash.
 
-    `b` may be early by up to `early_s`, and late by up to `late_s`.
+    `b` may be early by up to TIME_TOLERANCE_S, and late by up to `late_s`.
     """
     (ve, vn, vu), (we, wn, wu) = _velocity(a), _velocity(b)
     (ae, an, au), (be, bn, bu) = a.a, b.a
@@ -103,7 +94,7 @@ def first_clash_s(a: Segment, b: Segment, limits: Limits, early_s: float, late_s
     )
     times: Sequence[_Times] = ((a_s, b_s), (a.end_s, b_s), (a.end_s, b.end_s), (a_s, b.end_s))
     times = _clip(times, [late_s - t + u for t, u in times])
-    times = _clip(times, [early_s + t - u for t, u in times])
+    times = _clip(times, [TIME_TOLERANCE_S + t - u for t, u in times])
     times = _clip(times, [near_m - (au + (t - a_s) * vu - bu - (u - b_s) * wu) for t, u in times])
     times = _clip(times, [near_m + (au + (t - a_s) * vu - bu - (u - b_s) * wu) for t, u in times])
     if not times:

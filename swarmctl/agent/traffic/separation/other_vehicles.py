@@ -58,7 +58,7 @@ class KnownFlight(msgspec.Struct, frozen=True):
 
     @classmethod
     def predicted(cls, flight: Trajectory) -> KnownFlight:
-        """Return a predicted flight, which its vehicle cannot change."""
+        """Return a flight that its vehicle keeps to, as far as known."""
         return cls(flight, Bounds.of(flight), may_change=False, sent_s=flight.times_s[0])
 
     def and_straight_on(self, straight: Trajectory) -> KnownFlight:
