@@ -127,9 +127,8 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     ]
     if not clashes or would_block(state):
         return state, []
-    counts, n = state.conflicts.counts, len(clashes)
-    counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)
-    state = replace(state, conflicts=replace(state.conflicts, counts=counts))
+    n = len(clashes)
+    state = replace(state, conflicts=state.conflicts.counted(predicted=n, by_waiting=n))
     state, effects = hold_before_landing(state, frozenset(clash.other for clash in clashes))
     text = f"the landing would conflict with {describe_clashes(state, clashes)}"
     text += "; the vehicle holds until its descent is clear [landing-queue]"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.core.records import replace
 
 
 class DeconflictionCounts(msgspec.Struct, frozen=True):
@@ -40,3 +41,12 @@ class Conflicts(msgspec.Struct, frozen=True):
     deferred_for: frozenset[int] = frozenset()
     """vehicles for which a new plan was deferred"""
     counts: DeconflictionCounts = msgspec.field(default_factory=DeconflictionCounts)
+
+    def counted(self, **more: int) -> Conflicts:
+        """Return the conflicts with higher counts: `more` by the name of each count."""
+        sums = {name: getattr(self.counts, name) + n for name, n in more.items()}
+        return replace(self, counts=replace(self.counts, **sums))
+
+    def new_of(self, clashes: Sequence[Clash]) -> Sequence[Clash]:
+        """Return the clashes with vehicles that were not in conflict before."""
+        return [clash for clash in clashes if clash.other not in self.predicted | self.deferred_for]

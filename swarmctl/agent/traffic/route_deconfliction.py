@@ -25,7 +25,7 @@ from swarmctl.agent.traffic.check import SEPARATES_WITHIN_S, clashes_of_route, d
 from swarmctl.agent.traffic.intents import may_change
 from swarmctl.agent.traffic.known_flights import known_flights, known_intents, standing_of
 from swarmctl.agent.traffic.own_flight import flight_by_plan, planned_flight
-from swarmctl.agent.traffic.plan_conflicts import DeconflictionCounts, FlightComparison
+from swarmctl.agent.traffic.plan_conflicts import FlightComparison
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.route_hold import climbs_to_give_way, heights_to_try, hold, may_hold
@@ -50,31 +50,21 @@ HOLDS_WITHIN_S = 20.0
 
 def check_own_route(state: AgentState) -> StepResult:
     """Compare the own intent with all others; plan again if this vehicle has to give way."""
+    before = state.conflicts
     if not _may_change_route(state):
-        return (
-            replace(state, conflicts=replace(state.conflicts, predicted=frozenset(), compared={}))
-            if state.conflicts.predicted
-            else state
-        ), []
+        if before.predicted:
+            state = replace(state, conflicts=replace(before, predicted=frozenset(), compared={}))
+        return state, []
     assert state.own_intent is not None
     state, clashes = _update_comparisons(state, state.own_intent)
     flights = known_flights(state) if clashes else {}
     found = [clash for clash in clashes if _gives_way(state, clash.other, flights)]
-    if not found and not state.conflicts.predicted:
+    if not found and not before.predicted:
         return state, []
-    others = frozenset(clash.other for clash in found)
-    new = [
-        clash
-        for clash in found
-        if clash.other not in state.conflicts.predicted | state.conflicts.deferred_for
-    ]
-    counts = state.conflicts.counts
-    counts = replace(
-        counts,
-        predicted=counts.predicted + len(new),
-        ceased=counts.ceased + len(state.conflicts.predicted - others - state.conflicts.deferred_for),
-    )
-    state = replace(state, conflicts=replace(state.conflicts, predicted=others, counts=counts))
+    others, new = frozenset(clash.other for clash in found), before.new_of(found)
+    n_ceased = len(before.predicted - others - before.deferred_for)
+    conflicts = replace(state.conflicts, predicted=others).counted(predicted=len(new), ceased=n_ceased)
+    state = replace(state, conflicts=conflicts)
     if not others:
         return state, []
     state = replace(state, plans=state.plans.due(must_change=True))
@@ -86,10 +76,6 @@ def check_own_route(state: AgentState) -> StepResult:
 def _may_change_route(state: AgentState) -> bool:
     flies = state.phase is Phase.FLYING and not state.is_waiting
     return flies and state.own_intent is not None and not hears_nobody(state)
-
-
-def _counted(state: AgentState, counts: DeconflictionCounts) -> AgentState:
-    return replace(state, conflicts=replace(state.conflicts, counts=counts))
 
 
 def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
@@ -132,17 +118,10 @@ def deconflict(before: AgentState, plans: Plans, mission: PlannedMission, now: f
     present_flight = None if before.plans.mission is None else planned_flight(before)
     others = known_flights(state)
     clashes = _clashes(state, flight, others, present_flight)
-    new = [
-        clash
-        for clash in clashes
-        if clash.other not in before.conflicts.predicted | before.conflicts.deferred_for
-    ]
-    counts = before.conflicts.counts
-    counts = replace(counts, predicted=counts.predicted + len(new))
-    state = _counted(state, counts)
+    state = _counted(state, predicted=len(before.conflicts.new_of(clashes)))
     resolved = before.conflicts.predicted - before.conflicts.deferred_for
     if not clashes:
-        state = _counted(state, replace(counts, by_route=counts.by_route + len(resolved)))
+        state = _counted(state, by_route=len(resolved))
         state, taken = _upload(state, mission)
         waited = before.plans.mission is None and before.conflicts.deferred_for
         return state, [
@@ -155,7 +134,7 @@ def deconflict(before: AgentState, plans: Plans, mission: PlannedMission, now: f
         if _clashes(state, flight, others, present_flight):
             continue
         resolved |= {clash.other for clash in clashes} - before.conflicts.deferred_for
-        state = _counted(state, replace(counts, by_height=counts.by_height + len(resolved)))
+        state = _counted(state, by_height=len(resolved))
         state = replace(state, height_offset_m=height_m - state.task.altitude_m)
         others_text = describe_clashes(state, clashes)
         text = (
@@ -171,6 +150,10 @@ def _clashes(
     state: AgentState, flight: Trajectory | None, others: Others, present_flight: Trajectory | None = None
 ) -> tuple[Clash, ...]:
     return () if flight is None else clashes_of_route(state, flight, others, present_flight)
+
+
+def _counted(state: AgentState, **more: int) -> AgentState:
+    return replace(state, conflicts=state.conflicts.counted(**more))
 
 
 def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
@@ -225,9 +208,7 @@ def _defer(
     reaction = f"{reaction} [plan-deferred-hold]" if holds else "keeps its present route [plan-deferred]"
     waits = others | (before.conflicts.predicted if holds else frozenset())
     if holds or not yielding:
-        counts = state.conflicts.counts
-        n_waiting = counts.by_waiting + len(waits - before.conflicts.deferred_for)
-        state = _counted(state, replace(counts, by_waiting=n_waiting))
+        state = _counted(state, by_waiting=len(waits - before.conflicts.deferred_for))
     messages: list[ev.Effect] = []
     if new:
         others_text = describe_clashes(state, new)
