@@ -23,14 +23,13 @@ from swarmctl.agent.traffic.prediction import (
     predict,
     predictions,
 )
-from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
+from swarmctl.agent.traffic.priority import Activity, Standing, gives_way, reported_standing
 from swarmctl.agent.traffic.route_hold import (
     ceiling_m,
     climbs_to_give_way,
     may_give_way,
     reachable_heights_m,
 )
-from swarmctl.agent.traffic.separation.other_vehicles import NeighbourReport
 from swarmctl.agent.traffic.separation.trajectory import Bounds
 from swarmctl.agent.traffic.separation.watch import (
     ProximityAlarm,
@@ -87,14 +86,11 @@ def _is_alone(state: AgentState) -> bool:
 def _has_to_give_way(state: AgentState, other: int) -> bool:
     """Return whether this vehicle gives way to another, by the rule of priority."""
     report = state.neighbours.get(other)
-    theirs = Standing(Activity.EN_ROUTE, True, other) if report is None else _standing(state, other, report)
+    theirs = Standing(Activity.EN_ROUTE, True, other)
+    if report is not None:
+        can_yield = report.state.phase in EN_ROUTE and report.hears(state.task.uav)
+        theirs = reported_standing(other, report, can_yield=can_yield)
     return gives_way(Standing(Activity.EN_ROUTE, True, state.task.uav), theirs)
-
-
-def _standing(state: AgentState, uav: int, report: NeighbourReport) -> Standing:
-    phase = report.state.phase
-    can_yield = phase in EN_ROUTE and report.hears(state.task.uav)
-    return Standing(activity_of(phase), can_yield, uav)
 
 
 def _climb(state: AgentState) -> AgentState:

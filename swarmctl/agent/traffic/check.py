@@ -63,6 +63,14 @@ def _soonest_of_each(clashes: Sequence[Clash]) -> tuple[Clash, ...]:
     return tuple(clash for clash in found if first[clash.other] is clash)
 
 
+def waits_within_s(known: KnownFlight) -> float:
+    """Return the time within which a conflict causes a wait [s].
+
+    Farther ahead, a vehicle that can change its plan gives way.
+    """
+    return SEPARATES_WITHIN_S if known.may_change else WAIT_WITHIN_S
+
+
 def describe_clashes(state: AgentState, clashes: Sequence[Clash]) -> str:
     """Return as text the other vehicles, and the time until each clash."""
     now_s, name_of = state.vehicle.time_boot_s, state.task.name_of

@@ -8,7 +8,6 @@ from swarmctl.agent.phases import ENDED
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import MARGIN
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S, predict, predictions
-from swarmctl.agent.traffic.priority import Activity, Standing
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S
 from swarmctl.agent.traffic.separation.other_vehicles import MAX_REPORT_AGE_S, KnownFlight, NeighbourReport
 from swarmctl.agent.traffic.separation.trajectory import Bounds, extrapolate
@@ -83,17 +82,3 @@ def _last_positions(state: AgentState) -> dict[int, KnownFlight]:
         for uav, report in state.neighbours.items()
         if MAX_REPORT_AGE_S < now_s - report.at_s <= MAX_AGE_S and report.state.alt_rel_m >= AIRBORNE_M
     }
-
-
-def standing_of(state: AgentState, uav: int, known: KnownFlight) -> Standing:
-    """Return another vehicle's standing for the rule of priority."""
-    activity = Activity.EN_ROUTE if known.may_change else Activity.LANDING
-    if known.on_ground:
-        activity = Activity.CLIMBING
-    return Standing(activity, known.may_change, uav, _height_now_m(state, known))
-
-
-def _height_now_m(state: AgentState, known: KnownFlight) -> float:
-    now_s, flight = state.vehicle.time_boot_s, known.straight or known.flight
-    at = flight.at(min(max(now_s, flight.times_s[0]), flight.times_s[-1]))
-    return flight.points[-1][2] if at is None else at[2]

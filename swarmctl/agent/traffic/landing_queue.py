@@ -27,18 +27,18 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoints_of
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
-    SEPARATES_WITHIN_S,
     WAIT_WITHIN_S,
     clashes_if_changed,
     clashes_with,
     come_within,
     describe_clashes,
     near_flights,
+    waits_within_s,
 )
-from swarmctl.agent.traffic.known_flights import known_flights, standing_of
+from swarmctl.agent.traffic.known_flights import known_flights
 from swarmctl.agent.traffic.own_flight import planned_flight, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody, position_amsl, position_of
-from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
+from swarmctl.agent.traffic.priority import Activity, gives_way, own_standing, standing_of
 from swarmctl.agent.traffic.route_hold import (
     follows_own_order,
     give_up,
@@ -123,7 +123,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     clashes = [
         clash
         for clash in clashes_with(state, flight, waited_for)
-        if clash.at_s < min(until_s, now_s + _conflict_horizon_s(waited_for[clash.other]))
+        if clash.at_s < min(until_s, now_s + waits_within_s(waited_for[clash.other]))
     ]
     if not clashes or would_block(state):
         return state, []
@@ -142,14 +142,9 @@ def hold_before_landing(state: AgentState, to: frozenset[int]) -> StepResult:
     return command(replace(state, n_holds=state.n_holds + 1), ev.FlightOrder.HOLD, wait=wait)
 
 
-def _conflict_horizon_s(known: KnownFlight) -> float:
-    """Return the time within which a conflict counts [s]: less if the other vehicle can change its plan."""
-    return SEPARATES_WITHIN_S if known.may_change else WAIT_WITHIN_S
-
-
 def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, KnownFlight]:
     """Return the flights of the vehicles that go first: those below, by the rule of priority."""
-    mine = Standing(Activity.LANDING, True, state.task.uav, here[2])
+    mine = own_standing(state, here[2])
     found = {}
     for uav, known in others.items():
         # Over the landing place only heights and system ids count: the lower vehicle is in the way.

@@ -32,7 +32,7 @@ from swarmctl.agent.traffic.prediction import (
     position_amsl,
     predict,
 )
-from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
+from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way, own_standing
 from swarmctl.agent.traffic.returning import hold_before_leaving, may_hold_before_leaving
 from swarmctl.agent.traffic.route_hold import follows_own_order, hold, may_give_way
 from swarmctl.agent.traffic.separation.approach import Limits
@@ -165,8 +165,7 @@ def _has_to_stop(
         return False  # until its last moment the vehicle climbs to give way
     here = position_amsl(state)
     assert here is not None
-    own = Standing(activity_of(state.phase), True, state.task.uav, here[2])
-    return gives_way(own, _standing(state, mine, theirs, their_stop, uav, limits))
+    return gives_way(own_standing(state, here[2]), _standing(state, mine, theirs, their_stop, uav, limits))
 
 
 def _standing(

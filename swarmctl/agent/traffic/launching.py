@@ -21,10 +21,10 @@ from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import clashes_with, describe_clashes
 from swarmctl.agent.traffic.intents import publish_intent
-from swarmctl.agent.traffic.known_flights import known_flights, standing_of
+from swarmctl.agent.traffic.known_flights import known_flights
 from swarmctl.agent.traffic.own_flight import to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody
-from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
+from swarmctl.agent.traffic.priority import gives_way, own_standing, standing_of
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight
 from swarmctl.agent.traffic.separation.trajectory import until_landing
@@ -125,7 +125,7 @@ def _stand_by(state: AgentState) -> StepResult:
 
 def _flights_waited_for(state: AgentState) -> dict[int, KnownFlight]:
     """Return the flights to which the launch gives way, by the rule of priority."""
-    mine = Standing(Activity.CLIMBING, True, state.task.uav)
+    mine = own_standing(state)
     return {
         uav: known
         for uav, known in known_flights(state).items()

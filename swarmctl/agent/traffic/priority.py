@@ -1,7 +1,13 @@
 """The rule of priority: which of two vehicles in conflict gives way. Pure.
 
-Every vehicle applies this rule to the standings of both, as it knows them. So at least one of two vehicles
+Every vehicle applies `gives_way` to the standings of both, as it knows them. So at least one of two vehicles
 gives way if one can, and normally exactly one. `docs/traffic.md` shows the rule as a table.
+
+| standing | of | by |
+|---|---|---|
+| `own_standing` | this vehicle | its phase |
+| `standing_of` | another vehicle | its known flight |
+| `reported_standing` | another vehicle | the phase of its last state |
 """
 
 from __future__ import annotations
@@ -12,6 +18,8 @@ from enum import IntEnum
 import msgspec
 
 from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight, NeighbourReport
 
 SAME_HEIGHT_M = 1.0
 """Difference in height below which the system id decides over a landing place [m]."""
@@ -73,3 +81,24 @@ def gives_way(one: Standing, other: Standing) -> bool:
     if one.activity is Activity.LANDING and abs(one.up_m - other.up_m) > SAME_HEIGHT_M:
         return one.up_m > other.up_m
     return one.uav > other.uav
+
+
+def own_standing(state: AgentState, up_m: float = 0.0, *, can_yield: bool = True) -> Standing:
+    """Return the standing of this vehicle; `up_m` is its height above the sea."""
+    return Standing(activity_of(state.phase), can_yield, state.task.uav, up_m)
+
+
+def standing_of(state: AgentState, uav: int, known: KnownFlight) -> Standing:
+    """Return another vehicle's standing by its known flight: it yields if it can change its plan."""
+    activity = Activity.EN_ROUTE if known.may_change else Activity.LANDING
+    if known.on_ground:
+        activity = Activity.CLIMBING
+    now_s, flight = state.vehicle.time_boot_s, known.straight or known.flight
+    at = flight.at(min(max(now_s, flight.times_s[0]), flight.times_s[-1]))
+    up_m = flight.points[-1][2] if at is None else at[2]
+    return Standing(activity, known.may_change, uav, up_m)
+
+
+def reported_standing(uav: int, report: NeighbourReport, *, can_yield: bool = True) -> Standing:
+    """Return another vehicle's standing by its last state, which does not tell whether it can yield."""
+    return Standing(activity_of(report.state.phase), can_yield, uav, report.position_m[2])

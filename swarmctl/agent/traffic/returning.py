@@ -27,11 +27,11 @@ from swarmctl.agent.failsafes.base import DemandKind, is_urgent, urgent_reason
 from swarmctl.agent.formation.near_members import with_members_shown
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState, Task
-from swarmctl.agent.traffic.check import SEPARATES_WITHIN_S, WAIT_WITHIN_S, clashes_of_route
+from swarmctl.agent.traffic.check import clashes_of_route, waits_within_s
 from swarmctl.agent.traffic.known_flights import known_flights
 from swarmctl.agent.traffic.own_flight import landing_flight, return_flights
 from swarmctl.agent.traffic.prediction import hears_nobody, position_amsl
-from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
+from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way, reported_standing
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
 from swarmctl.agent.traffic.route_hold import would_block
 from swarmctl.agent.traffic.separation.other_vehicles import NeighbourReport
@@ -277,13 +277,10 @@ def _landing_conflicts(state: AgentState) -> bool:
 
 
 def _leaving_conflicts(state: AgentState, flights: Sequence[Trajectory]) -> bool:
-    """Return whether a return or landing by any of these flights would soon conflict with another flight.
-
-    Farther ahead, a vehicle that can change its plan gives way.
-    """
+    """Return whether a return or landing by any of these flights would soon conflict with another flight."""
     now_s, others = state.vehicle.time_boot_s, known_flights(state)
     return any(
-        clash.at_s - now_s < (SEPARATES_WITHIN_S if others[clash.other].may_change else WAIT_WITHIN_S)
+        clash.at_s - now_s < waits_within_s(others[clash.other])
         for flight in flights
         for clash in clashes_of_route(state, flight, others)
     )
@@ -332,9 +329,8 @@ def is_return_path_clear(state: AgentState, reports: Mapping[int, NeighbourRepor
         position = position_from_state(report.state, own)
         if position is None:
             continue
-        activity = activity_of(report.state.phase)
-        if activity is Activity.WAITING:
-            counts = report.is_recent(now_s) and gives_way(mine, Standing(activity, True, uav))
+        if activity_of(report.state.phase) is Activity.WAITING:
+            counts = report.is_recent(now_s) and gives_way(mine, reported_standing(uav, report))
         else:
             counts = may_be_returning(position, now_s - report.at_s)
         if counts:

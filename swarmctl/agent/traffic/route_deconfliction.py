@@ -23,11 +23,11 @@ from swarmctl.agent.replan.plans import Plans
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import SEPARATES_WITHIN_S, clashes_of_route, describe_clashes
 from swarmctl.agent.traffic.intents import may_change
-from swarmctl.agent.traffic.known_flights import known_flights, known_intents, standing_of
+from swarmctl.agent.traffic.known_flights import known_flights, known_intents
 from swarmctl.agent.traffic.own_flight import flight_by_plan, planned_flight
 from swarmctl.agent.traffic.plan_conflicts import FlightComparison
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, hears_nobody, position_of
-from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
+from swarmctl.agent.traffic.priority import gives_way, own_standing, standing_of
 from swarmctl.agent.traffic.route_hold import climbs_to_give_way, heights_to_try, hold, may_hold
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.other_vehicles import Others
@@ -98,7 +98,7 @@ def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState,
 
 def _gives_way(state: AgentState, other: int, flights: Others) -> bool:
     """Return whether this vehicle gives way to another with a known flight, by the rule of priority."""
-    mine = Standing(Activity.EN_ROUTE, may_change(state), state.task.uav)
+    mine = own_standing(state, can_yield=may_change(state))
     return gives_way(mine, standing_of(state, other, flights[other]))
 
 

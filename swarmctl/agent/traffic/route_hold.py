@@ -22,7 +22,7 @@ from swarmctl.agent.replan.copter_trajectory import at_height, waypoints_of, wit
 from swarmctl.agent.replan.stored_mission import rest_of_stored
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import SEPARATES_WITHIN_S, clashes_of_route, clashes_with
-from swarmctl.agent.traffic.known_flights import known_flights, standing_of
+from swarmctl.agent.traffic.known_flights import known_flights
 from swarmctl.agent.traffic.own_flight import (
     HOLD_DURATION_S,
     flight_by_plan,
@@ -36,7 +36,13 @@ from swarmctl.agent.traffic.prediction import (
     position_amsl,
     position_of,
 )
-from swarmctl.agent.traffic.priority import SAME_HEIGHT_M, Standing, activity_of, gives_way
+from swarmctl.agent.traffic.priority import (
+    SAME_HEIGHT_M,
+    gives_way,
+    own_standing,
+    reported_standing,
+    standing_of,
+)
 from swarmctl.agent.traffic.separation.other_vehicles import Others
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN
@@ -132,12 +138,12 @@ def goes_second(state: AgentState) -> bool:
     here = position_amsl(state)
     if here is None:
         return False
-    mine = Standing(activity_of(state.phase), True, state.task.uav, here[2])
+    mine = own_standing(state, here[2])
     near_m = WAITS_NEAR * state.task.separation.limits.horizontal_m
     return any(
         bool(report.state.waits)
         and math.dist(here[:2], report.position_m[:2]) <= near_m
-        and gives_way(mine, Standing(activity_of(report.state.phase), True, uav, report.position_m[2]))
+        and gives_way(mine, reported_standing(uav, report))
         for uav, report in state.neighbours.items()
     )
 
