@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from swarmctl.agent.arrival.common_time import CommandedSpeed
@@ -35,10 +34,10 @@ def command(
     follows = state.phase is Phase.FORMATION and state.vehicle.mode_role in roles  # not if a pilot may fly it
     if follows and order is ev.FlightOrder.HOLD:
         effects.insert(0, ev.SendSetPoint(STOP))
-    sent = state.order.sent(order, roles)
+    order_sent = state.order.sent(order, roles)
     phase = changes.pop("phase", state.phase)
     plans = changes.pop("plans", state.plans).without_upload()
-    state = state.enter(phase, **changes, plans=plans, order=sent, state_sent_boot_s=-math.inf)
+    state = state.enter(phase, **changes, plans=plans, order=order_sent, sent=state.sent.state_due())
     return state if state.lost else state.with_new_flight(), effects
 
 

@@ -61,7 +61,7 @@ def share_state(state: AgentState) -> StepResult:
     if last.lat_lon is None or last.alt_rel_m is None or last.alt_amsl_m is None:
         return state, []
     # The vehicle's clock restarts at 0 after a reboot.
-    elapsed_s = vehicle.time_boot_s - state.state_sent_boot_s
+    elapsed_s = vehicle.time_boot_s - state.sent.state_boot_s
     if 0.0 <= elapsed_s < SHARE_STATE_EVERY_S:
         return state, []
     message = StateShared(
@@ -94,7 +94,7 @@ def share_state(state: AgentState) -> StepResult:
         weights=_changed_weights(state),
         hovers=state.task.wings is None,
     )
-    return replace(state, state_sent_boot_s=vehicle.time_boot_s), [ev.Publish(message)]
+    return replace(state, sent=replace(state.sent, state_boot_s=vehicle.time_boot_s)), [ev.Publish(message)]
 
 
 def _waits(state: AgentState) -> str:

@@ -22,9 +22,9 @@ from swarmctl.agent.progress import Progress, points_ahead_on, progress_on
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.plans import Plans
+from swarmctl.agent.traffic.broadcasts import ReceivedBroadcasts, SentBroadcasts
 from swarmctl.agent.traffic.plan_conflicts import Conflicts
 from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight, NeighbourReport
-from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     DEFAULT_SEPARATION,
     ProximityAlarm,
@@ -179,8 +179,6 @@ class AgentState(msgspec.Struct, frozen=True):
     order: GivenOrder = msgspec.field(default_factory=GivenOrder)
     wait: Wait | None = None
     """wait for other vehicles; None: the vehicle waits for none"""
-    returning: Mapping[int, NeighbourReport] = msgspec.field(default_factory=dict)
-    """last states of other vehicles that return or wait to return"""
     arrived_boot_s: float | None = None
     """time at which the vehicle was first seen in its goal cell; None after an order to leave the goal"""
     disarmed_since_s: float | None = None
@@ -188,33 +186,20 @@ class AgentState(msgspec.Struct, frozen=True):
     memories: tuple[Any, ...] = ()
     """memory of each failsafe rule, in the order of `task.rules`"""
     demands: tuple[Demand | None, ...] = ()
-    all_neighbours: Mapping[int, NeighbourReport] = msgspec.field(default_factory=dict)
-    """last states of vehicles nearby, those of silent vehicles, too"""
+    sent: SentBroadcasts = msgspec.field(default_factory=SentBroadcasts)
+    received: ReceivedBroadcasts = msgspec.field(default_factory=ReceivedBroadcasts)
     alarms: tuple[ProximityAlarm, ...] = ()
     """vehicles predicted to come too close"""
     height_offset_m: float = 0.0
     """height above the task's altitude, for separation from other vehicles [m]"""
-    all_intents: Mapping[int, KnownFlight] = msgspec.field(default_factory=dict)
-    """last intents of other vehicles"""
-    own_intent: Trajectory | None = None
-    """last intent sent; times by the vehicle's clock, heights above the sea"""
-    intent_sent_boot_s: float = -math.inf
-    intent_new_boot_s: float = -math.inf
-    """time from which on the intent is new to others: they may not have received it yet"""
     conflicts: Conflicts = msgspec.field(default_factory=Conflicts)
     membership: Membership = msgspec.field(default_factory=Membership)
     """the vehicle's group as it knows it"""
     common_arrival: CommonArrival = msgspec.field(default_factory=CommonArrival)
     speed: CommandedSpeed = msgspec.field(default_factory=CommandedSpeed)
-    n_alarms: int = 0
-    n_holds: int = 0
-    """number of holds for other vehicles"""
-    n_climbs: int = 0
-    """number of climbs for other vehicles"""
     incarnation: int = 0
     """number that grows with each start of the agent's program, part of the names of observations"""
     next_seq: int = 1
-    state_sent_boot_s: float = -math.inf
     flown: Flown = msgspec.field(default_factory=Flown)
     refused: int = 0
     """number of impossible observations received"""
@@ -238,7 +223,7 @@ class AgentState(msgspec.Struct, frozen=True):
 
     def with_new_flight(self) -> AgentState:
         """Return the state of a vehicle that flies otherwise from now on: its intent is due at once."""
-        return replace(self, intent_sent_boot_s=-math.inf, intent_new_boot_s=self.now_boot_s)
+        return replace(self, sent=self.sent.intent_due(self.now_boot_s))
 
     def without_trouble(self) -> AgentState:
         """Return the state without the text of the last problem."""
@@ -294,13 +279,13 @@ class AgentState(msgspec.Struct, frozen=True):
     @property
     def neighbours(self) -> Mapping[int, NeighbourReport]:
         """The states of vehicles nearby for the rules for other traffic: without hidden members."""
-        hidden, known = self.membership.hidden, self.all_neighbours
+        hidden, known = self.membership.hidden, self.received.reports
         return {uav: known[uav] for uav in known if uav not in hidden} if hidden else known
 
     @property
     def intents(self) -> Mapping[int, KnownFlight]:
         """The intents of other vehicles for the rules for other traffic: without hidden members."""
-        hidden, known = self.membership.hidden, self.all_intents
+        hidden, known = self.membership.hidden, self.received.intents
         return {uav: known[uav] for uav in known if uav not in hidden} if hidden else known
 
     @property

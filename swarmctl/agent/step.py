@@ -53,9 +53,9 @@ def step(state: AgentState, event: ev.Event, now: float) -> StepResult:
     after, effects = _HANDLERS[type(event)](state, event, now)
     if after.ended and after.phase is not state.phase:
         # The end is told at once: the process may stop soon, and a disarmed vehicle tells nothing more.
-        after, shared = share_state(replace(after, state_sent_boot_s=-math.inf))
+        after, shared = share_state(replace(after, sent=after.sent.state_due()))
         effects = [*effects, *shared]
-    if after.intent_sent_boot_s == -math.inf:  # of a new flight, whatever event began it
+    if after.sent.intent_boot_s == -math.inf:  # of a new flight, whatever event began it
         after, announced = share_intent(after)
         effects = [*effects, *announced]
     return after, effects
@@ -258,7 +258,7 @@ def _link_lost(state: AgentState, event: ev.LinkLost, now: float) -> StepResult:
     """Act on a lost link, and repeat the announced flight to the other vehicles."""
     is_new, state = not state.lost, replace(state, lost=True, silent_s=event.age_s)
     if is_new:
-        state = replace(state, state_sent_boot_s=-math.inf).with_new_flight()
+        state = replace(state, sent=state.sent.state_due()).with_new_flight()
     state, effects = apply_failsafes(state, now)
     state, shared = share_state(state) if is_new and state.phase in IN_FLIGHT else (state, [])
     state, announced = share_intent(state)

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.plan_conflicts import DeconflictionCounts
+from swarmctl.agent.traffic.plan_conflicts import TrafficCounts
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_amsl
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
 from swarmctl.core.frames import StateShared
@@ -60,6 +60,7 @@ class SeparationStatistics:
     ) -> dict[str, Any]:
         """Return the section of `summary.json`. `least_distance` is None if no two vehicles flew at once."""
         flown, names = self._flown, _Names({uav: state.task.name for uav, state in states.items()})
+        counts = TrafficCounts.total(state.conflicts.counts for state in states.values())
         too_close = {} if flown is None else flown.too_close_s
         return {
             "least_distance": self._least_distance(names),
@@ -67,11 +68,18 @@ class SeparationStatistics:
                 {"vehicles": [names[uav] for uav in pair], "seconds": seconds}
                 for pair, seconds in sorted(too_close.items())
             ],
-            "alarms": sum(state.n_alarms for state in states.values()),
-            "held": sum(state.n_holds for state in states.values()),
-            "climbed": sum(state.n_climbs for state in states.values()),
+            "alarms": counts.alarms,
+            "held": counts.holds,
+            "climbed": counts.climbs,
             "first_routes": None if crossings is None else msgspec.structs.asdict(crossings),
-            "plans_in_flight": _plan_conflicts(states),
+            "plans_in_flight": {
+                "predicted": counts.predicted,
+                "by_height": counts.by_height,
+                "by_route": counts.by_route,
+                "by_waiting": counts.by_waiting,
+                "ceased": counts.ceased,
+                "unresolved": counts.unresolved,
+            },
         }
 
     def _least_distance(self, names: Mapping[int, str]) -> dict[str, Any] | None:
@@ -85,14 +93,6 @@ class SeparationStatistics:
             "vertical_m": flown.nearest.vertical_m,
             "at_flight_s": self._at_flight_s,
         }
-
-
-def _plan_conflicts(states: Mapping[int, AgentState]) -> dict[str, int]:
-    """Return predicted conflicts of plans and their resolutions, counted at the vehicle that gives way."""
-    names = DeconflictionCounts.__struct_fields__
-    added = {name: sum(getattr(state.conflicts.counts, name) for state in states.values()) for name in names}
-    resolved = sum(n for name, n in added.items() if name != "predicted")
-    return added | {"unresolved": added["predicted"] - resolved}
 
 
 class _Names(dict[int, str]):

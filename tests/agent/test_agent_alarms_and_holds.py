@@ -172,7 +172,7 @@ def test_a_holding_vehicle_plans_again_and_resumes_after_the_crossing() -> None:
             break
         assert orders(effects) == []
     assert codes(effects) == ["resumes"]
-    assert (story.state.n_climbs, story.state.n_holds) == (0, 1)
+    assert (story.state.conflicts.counts.climbs, story.state.conflicts.counts.holds) == (0, 1)
     assert 1 <= second <= 12  # about the time of the crossing, 85 m ahead
     assert story.swap().plan.track
     story.accept()
@@ -187,7 +187,7 @@ def test_a_climb_clears_all_vehicles_nearby() -> None:
     story.crossing(1)
     story.at(125.0)
     assert story.swap().plan.track[-1].alt_rel_m == pytest.approx(37.6)
-    assert (story.state.n_climbs, story.state.n_holds) == (1, 0)
+    assert (story.state.conflicts.counts.climbs, story.state.conflicts.counts.holds) == (1, 0)
 
 
 def test_heights_are_compared_above_the_sea() -> None:

@@ -322,7 +322,7 @@ def test_the_intent_without_a_position_has_an_uncertainty() -> None:
         [75.0] * 2, abs=0.01
     )
     assert {p.alt_amsl_m for p in intent.points} == {AMSL_M - 15.0}
-    age_s = story.state.intent_sent_boot_s - story.state.last_position.time_boot_s
+    age_s = story.state.sent.intent_boot_s - story.state.last_position.time_boot_s
     assert intent.around_m == (pytest.approx(min(10.0 * age_s, MAX_UNCERTAINTY_M)), 15.0)
     assert not intent.may_change
 

@@ -225,13 +225,13 @@ def test_a_group_that_is_silent_for_some_seconds_stays_together(approach: str) -
 def test_a_member_that_stood_still_announces_its_flight_at_once() -> None:
     swarm = LightGroup().joined()
     agent = swarm.agents[2]
-    sent_s = agent.state.intent_sent_boot_s
-    swarm.run_while(lambda: agent.state.intent_sent_boot_s == sent_s, 6.0)
+    sent_s = agent.state.sent.intent_boot_s
+    swarm.run_while(lambda: agent.state.sent.intent_boot_s == sent_s, 6.0)
     swarm.run(swarm.now + 2.0, lambda _now: None)
     standing = replace(agent.state.membership, stands_since_boot_s=agent.state.now_boot_s - 10.0)
     agent.state = replace(agent.state, membership=standing)
     swarm.run_while(lambda: agent.state.membership.stands_still, 2.0)
-    assert agent.state.intent_sent_boot_s == pytest.approx(agent.state.now_boot_s, abs=0.1)
+    assert agent.state.sent.intent_boot_s == pytest.approx(agent.state.now_boot_s, abs=0.1)
 
 
 def test_a_structure_whose_leader_hears_nobody_any_more_moves_no_faster() -> None:

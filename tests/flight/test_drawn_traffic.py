@@ -49,7 +49,7 @@ def test_after_all_intents_have_arrived_no_two_flights_conflict(quiet_seed: int)
     swarm.air.loss = 0.0
     swarm.air.mute.clear()
     swarm.run(NEWS_S + 4.0 * REPEAT_EVERY_S, lambda _now: None)
-    flown = {agent: agent.state.own_intent for agent in swarm.agents}
+    flown = {agent: agent.state.sent.intent for agent in swarm.agents}
     flights = {
         agent: Trajectory(tuple(t - agent.boot_s for t in flight.times_s), flight.points)
         for agent, flight in ((agent, until_landing(intent)) for agent, intent in flown.items() if intent)

@@ -40,8 +40,8 @@ class TrajectoryRecorder:
             place = after.task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
             self.was.setdefault(uav, {})[round(vehicle.time_boot_s, 2)] = place
         changed = any(isinstance(effect, ev.SwapMission) for effect in effects)
-        if changed and after.phase is Phase.FLYING and after.own_intent is not None:
-            self.plans.setdefault(uav, []).append((vehicle.time_boot_s, after.own_intent))
+        if changed and after.phase is Phase.FLYING and after.sent.intent is not None:
+            self.plans.setdefault(uav, []).append((vehicle.time_boot_s, after.sent.intent))
         return after, effects
 
     def off_m(self) -> list[float]:

@@ -152,7 +152,7 @@ def _leave(state: AgentState, why: str) -> StepResult:
     """Hold, and then fly the own mission when its way is clear; the hold gives way to nobody yet."""
     assert state.task.formation is not None
     text = f"{why}; the vehicle leaves group {state.task.formation.name}, holds, and flies its own mission"
-    state, effects = hold(state, state.plans.mission, frozenset(), n_holds=state.n_holds)
+    state, effects = hold(state, state.plans.mission, frozenset())
     return state, [ev.NotifyOperator(f"{text} [leaves-group]"), *effects]
 
 

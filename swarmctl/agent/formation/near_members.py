@@ -94,7 +94,7 @@ def _nearest_place(state: AgentState, here: LocalPoint, uav: int, told: MemberRe
 
     It flies as announced, or stops straight ahead: on a lost link it gets no set-points round a turn.
     """
-    message, intent = told.message, state.all_intents.get(uav)
+    message, intent = told.message, state.received.intents.get(uav)
     there = (*told.here_m, message.alt_amsl_m)
     places = [extrapolate(there, message.velocity_m_s, told.at_boot_s, AHEAD_S).nearest(here[:2])]
     announced = None if intent is None else intent.flight.since(told.at_boot_s)
@@ -110,11 +110,10 @@ def with_members_shown(state: AgentState) -> AgentState:
     The members fly on with the group for some seconds, so they do not change their plans for this vehicle.
     """
     hidden = state.membership.hidden
-    members = {
-        uav: replace(intent, may_change=False) for uav, intent in state.all_intents.items() if uav in hidden
-    }
-    membership = replace(state.membership, hidden=frozenset())
-    return replace(state, membership=membership, all_intents={**state.all_intents, **members})
+    intents = state.received.intents
+    members = {uav: replace(intents[uav], may_change=False) for uav in intents if uav in hidden}
+    received = replace(state.received, intents={**intents, **members})
+    return replace(state, membership=replace(state.membership, hidden=frozenset()), received=received)
 
 
 def with_members_hidden(state: AgentState) -> AgentState:

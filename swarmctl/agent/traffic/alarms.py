@@ -58,7 +58,7 @@ def raise_alarms(state: AgentState) -> StepResult:
     alarms = update_alarms(state.alarms, own, near, rules, now_s)
     new = [alarm for alarm in alarms if alarm.other not in before]
     if alarms or state.alarms:
-        state = replace(state, alarms=alarms, n_alarms=state.n_alarms + len(new))
+        state = replace(state, alarms=alarms, conflicts=state.conflicts.counted(alarms=len(new)))
     messages: list[ev.Effect] = [
         ev.NotifyOperator(f"{_alarm_text(state, alarm)}{_reaction(state, alarm)}") for alarm in new
     ]
@@ -101,8 +101,12 @@ def _climb(state: AgentState) -> AgentState:
     height_m = clear_height_m(max(here_m, state.height_m), heights_m, state.task.separation.limits)
     if not state.height_m < height_m <= min(ceiling_m(state), _reachable_m(state)):
         return state
-    state = replace(state, height_offset_m=height_m - state.task.altitude_m, n_climbs=state.n_climbs + 1)
-    return replace(state, plans=state.plans.due(must_change=True))
+    return replace(
+        state,
+        height_offset_m=height_m - state.task.altitude_m,
+        conflicts=state.conflicts.counted(climbs=1),
+        plans=state.plans.due(must_change=True),
+    )
 
 
 def _reachable_m(state: AgentState) -> float:

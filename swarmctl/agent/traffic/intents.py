@@ -45,12 +45,12 @@ MAX_UNCERTAINTY_M = 60.0
 def share_intent(state: AgentState) -> StepResult:
     """Send the own intent if it is due. Called for each telemetry, and after each new plan or order."""
     now_s = state.now_boot_s
-    if state.ended and state.own_intent is None:
+    if state.ended and state.sent.intent is None:
         return state, []
     if not (state.ended or state.phase in IN_FLIGHT or state.phase is Phase.LAUNCHING):
         return state, []
-    since_s = now_s - state.intent_sent_boot_s
-    is_new = state.phase is Phase.LAUNCHING or 0.0 <= now_s - state.intent_new_boot_s < NEW_FOR_S
+    since_s = now_s - state.sent.intent_boot_s
+    is_new = state.phase is Phase.LAUNCHING or 0.0 <= now_s - state.sent.intent_new_boot_s < NEW_FOR_S
     every_s = MIN_INTERVAL_S if is_new else REPEAT_EVERY_S
     is_due = not 0.0 <= since_s < every_s or state.ended
     if not is_due and (since_s < MIN_INTERVAL_S or not _is_off_intent(state)):
@@ -69,7 +69,8 @@ def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
         on_ground=state.phase is Phase.LAUNCHING,
         age_s=min(state.silent_s, MAX_AHEAD_S),
     )
-    return replace(state, own_intent=flight, intent_sent_boot_s=state.now_boot_s), [ev.Publish(message)]
+    sent = replace(state.sent, intent=flight, intent_boot_s=state.now_boot_s)
+    return replace(state, sent=sent), [ev.Publish(message)]
 
 
 def may_change(state: AgentState) -> bool:
@@ -92,7 +93,7 @@ def _is_off_intent(state: AgentState) -> bool:
 
     If there is no last intent, the result is True for a vehicle that has a flight to announce.
     """
-    intent, here = state.own_intent, position_amsl(state)
+    intent, here = state.sent.intent, position_amsl(state)
     if intent is None or here is None:
         return intent is None and planned_flight(state) is not None
     at = intent.at(state.vehicle.time_boot_s)

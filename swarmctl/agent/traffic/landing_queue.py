@@ -139,7 +139,8 @@ def hold_before_landing(state: AgentState, to: frozenset[int]) -> StepResult:
     """Order a hold until the descent is clear; a second hold on the way to one landing keeps the deadline."""
     mission, now_s = state.plans.mission or state.interrupted, state.vehicle.time_boot_s
     wait = begin_wait(WaitFor.DESCENT, now_s, mission=mission, to=to, before=state.wait)
-    return command(replace(state, n_holds=state.n_holds + 1), ev.FlightOrder.HOLD, wait=wait)
+    conflicts = state.conflicts.counted(holds=1)
+    return command(state, ev.FlightOrder.HOLD, wait=wait, conflicts=conflicts)
 
 
 def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, KnownFlight]:

@@ -120,7 +120,7 @@ def cancel_launch(state: AgentState, why: str) -> StepResult:
 def _stand_by(state: AgentState) -> StepResult:
     """Put the vehicle on standby, and withdraw its intent."""
     state = state.enter(Phase.STANDBY, launch=state.launch.not_begun())
-    return (state, []) if state.own_intent is None else publish_intent(state, None)
+    return (state, []) if state.sent.intent is None else publish_intent(state, None)
 
 
 def _flights_waited_for(state: AgentState) -> dict[int, KnownFlight]:

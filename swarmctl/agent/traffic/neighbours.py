@@ -26,7 +26,8 @@ def relevant_states(
     received: (UAV, age of the message [s], state); the ages of the returned states include it
     """
     is_near, to_local = _near_test(state), state.task.grid.frame.to_local
-    known, takes_all = state.returning.keys() | state.neighbours.keys(), state.task.arrival_group is not None
+    known = state.received.returning.keys() | state.neighbours.keys()
+    takes_all = state.task.arrival_group is not None
     return tuple(
         (uav, replace(other, age_s=other.age_s + age_s))
         for uav, age_s, other in received
@@ -48,7 +49,7 @@ def receive_neighbours(state: AgentState, states: Sequence[tuple[int, StateShare
         )
         for uav, shared in states
     }
-    before, is_near = state.all_neighbours, _near_test(state)
+    before, is_near = state.received.reports, _near_test(state)
     kept = {
         uav: report
         for uav, report in before.items()
@@ -56,9 +57,10 @@ def receive_neighbours(state: AgentState, states: Sequence[tuple[int, StateShare
     }
     new = {uav: report for uav, report in reports.items() if is_near(report.state, report.position_m[:2])}
     if any(uav not in before or now_s - before[uav].at_s > HEARD_S for uav in new):
-        state = replace(state, intent_new_boot_s=now_s)  # a vehicle hears this one for the first time
+        # A vehicle hears this one for the first time.
+        state = replace(state, sent=replace(state.sent, intent_new_boot_s=now_s))
     state = note_returning(note_arrival_times(state, states), reports)
-    return replace(state, all_neighbours={**kept, **new})
+    return replace(state, received=replace(state.received, reports={**kept, **new}))
 
 
 def _near_test(state: AgentState) -> Callable[[StateShared, PlanarPoint], bool]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
@@ -12,9 +12,12 @@ from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core.records import replace
 
 
-class DeconflictionCounts(msgspec.Struct, frozen=True):
-    """Numbers of conflicts predicted between plans: all, and by resolution."""
+class TrafficCounts(msgspec.Struct, frozen=True):
+    """Numbers of reactions to other vehicles, and of predicted conflicts of plans: all, and by resolution."""
 
+    alarms: int = 0
+    holds: int = 0
+    climbs: int = 0
     predicted: int = 0
     by_height: int = 0
     by_route: int = 0
@@ -22,6 +25,15 @@ class DeconflictionCounts(msgspec.Struct, frozen=True):
     """conflicts after which the vehicle kept its previous plan, or held"""
     ceased: int = 0
     """conflicts that ended because the other vehicle changed its plan, or times shifted"""
+
+    @classmethod
+    def total(cls, counts: Iterable[TrafficCounts]) -> TrafficCounts:
+        """Return the sums over several vehicles. The vehicle that gives way counts a conflict."""
+        return cls(*map(sum, zip(*map(msgspec.structs.astuple, counts), strict=True)))
+
+    @property
+    def unresolved(self) -> int:
+        return self.predicted - self.by_height - self.by_route - self.by_waiting - self.ceased
 
 
 class FlightComparison(msgspec.Struct, frozen=True):
@@ -40,7 +52,7 @@ class Conflicts(msgspec.Struct, frozen=True):
     """vehicles in conflict with the flown route, to which this vehicle has to give way"""
     deferred_for: frozenset[int] = frozenset()
     """vehicles for which a new plan was deferred"""
-    counts: DeconflictionCounts = msgspec.field(default_factory=DeconflictionCounts)
+    counts: TrafficCounts = msgspec.field(default_factory=TrafficCounts)
 
     def counted(self, **more: int) -> Conflicts:
         """Return the conflicts with higher counts: `more` by the name of each count."""

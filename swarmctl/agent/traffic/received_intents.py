@@ -27,7 +27,7 @@ SAME_TIME_S = 1e-6
 def receive_intents(state: AgentState, intents: Sequence[tuple[int, float, IntentShared]]) -> AgentState:
     """Return the state with new intents of other vehicles: (UAV, age of the message [s], intent)."""
     now_s = state.vehicle.time_boot_s
-    kept = dict(state.all_intents)
+    kept = dict(state.received.intents)
     for uav, age_s, intent in intents:
         announced = _announced_flight(state.task.grid.frame, intent)
         kept.pop(uav, None)
@@ -44,12 +44,12 @@ def receive_intents(state: AgentState, intents: Sequence[tuple[int, float, Inten
             )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
     others = _with_present_cells(state, [uav for uav, _, _ in intents], kept)
-    return replace(state, others=others, all_intents=fresh)
+    return replace(state, others=others, received=replace(state.received, intents=fresh))
 
 
 def with_reported_holds(state: AgentState) -> AgentState:
     """Return the state with the holds of copters that report a wait, where the intent of the hold is lost."""
-    intents, reports, holds = state.all_intents, state.all_neighbours, {}
+    intents, reports, holds = state.received.intents, state.received.reports, {}
     for uav, intent in intents.items():
         report = reports.get(uav)
         if report is None or report.at_s <= intent.sent_s or intent.flight.ends_in_hold:
@@ -58,7 +58,9 @@ def with_reported_holds(state: AgentState) -> AgentState:
         if shared.waits and shared.hovers and shared.alt_rel_m >= AIRBORNE_M:
             flight = brake(report.position_m, shared.velocity_m_s, report.at_s).holding(HOLD_DURATION_S)
             holds[uav] = KnownFlight.predicted(flight)
-    return replace(state, all_intents={**intents, **holds}) if holds else state
+    if not holds:
+        return state
+    return replace(state, received=replace(state.received, intents={**intents, **holds}))
 
 
 def _with_present_cells(

@@ -16,7 +16,6 @@ Vehicles broadcast their returns, and their holds before a return.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -75,13 +74,17 @@ def _returns_on_lost_link(state: AgentState) -> bool:
 def note_returning(state: AgentState, reports: Mapping[int, NeighbourReport]) -> AgentState:
     """Store the last states of vehicles that return or wait to return."""
     now_s = state.vehicle.time_boot_s
-    known = {**state.returning, **reports}
+    known = {**state.received.returning, **reports}
     kept = {
         uav: report
         for uav, report in known.items()
         if report.state.returns_to is not None and report.at_s <= now_s
     }
-    return state if kept == state.returning else replace(state, returning=kept)
+    return (
+        state
+        if kept == state.received.returning
+        else replace(state, received=replace(state.received, returning=kept))
+    )
 
 
 def wait_to_return(state: AgentState, **changes: Any) -> StepResult | None:
@@ -99,7 +102,7 @@ def hold_and_wait(state: AgentState, wait: Wait, *, by_person: bool = False, **c
     """Hold for a wait before a return or landing; `by_person` and `changes` as in `command`."""
     changes |= {"phase": Phase.HOLDING, "wait": wait}
     if holds_by_order(state):
-        return replace(state, **changes, state_sent_boot_s=-math.inf), []
+        return replace(state, **changes, sent=state.sent.state_due()), []
     return command(state, ev.FlightOrder.HOLD, by_person=by_person, **changes)
 
 
@@ -119,7 +122,7 @@ def _is_blocked(state: AgentState) -> bool:
 
 def _is_its_turn(state: AgentState) -> bool:
     """Return whether no other return goes first; an urgent return is first of all."""
-    return bool(urgent_reason(state.demands)) or is_return_path_clear(state, state.returning)
+    return bool(urgent_reason(state.demands)) or is_return_path_clear(state, state.received.returning)
 
 
 def may_hold_before_leaving(state: AgentState) -> bool:
@@ -290,7 +293,7 @@ def _n_waiting_with_higher_id(state: AgentState) -> int:
     now_s = state.vehicle.time_boot_s
     return sum(
         uav > state.task.uav and report.state.phase == Phase.HOLDING and report.is_recent(now_s)
-        for uav, report in state.returning.items()
+        for uav, report in state.received.returning.items()
     )
 
 
@@ -302,7 +305,7 @@ def _yield_to_simultaneous_start(state: AgentState, wait: Wait) -> StepResult:
     mine = Standing(Activity.LANDING, True, state.task.uav)
     first = {
         uav: report
-        for uav, report in state.returning.items()
+        for uav, report in state.received.returning.items()
         if gives_way(mine, Standing(Activity.LANDING, True, uav))
     }
     if urgent_reason(state.demands) or is_return_path_clear(state, first):

@@ -55,8 +55,8 @@ def check_own_route(state: AgentState) -> StepResult:
         if before.predicted:
             state = replace(state, conflicts=replace(before, predicted=frozenset(), compared={}))
         return state, []
-    assert state.own_intent is not None
-    state, clashes = _update_comparisons(state, state.own_intent)
+    assert state.sent.intent is not None
+    state, clashes = _update_comparisons(state, state.sent.intent)
     flights = known_flights(state) if clashes else {}
     found = [clash for clash in clashes if _gives_way(state, clash.other, flights)]
     if not found and not before.predicted:
@@ -75,7 +75,7 @@ def check_own_route(state: AgentState) -> StepResult:
 
 def _may_change_route(state: AgentState) -> bool:
     flies = state.phase is Phase.FLYING and not state.is_waiting
-    return flies and state.own_intent is not None and not hears_nobody(state)
+    return flies and state.sent.intent is not None and not hears_nobody(state)
 
 
 def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
@@ -216,6 +216,6 @@ def _defer(
         messages.append(ev.NotifyOperator(text))
     if not holds:
         return state, messages
-    conflicts = replace(state.conflicts, predicted=frozenset())
-    state, ordered = hold(state, before.plans.mission or mission, others, conflicts=conflicts)
+    state = replace(state, conflicts=replace(state.conflicts, predicted=frozenset()))
+    state, ordered = hold(state, before.plans.mission or mission, others)
     return state, [*messages, *ordered]

@@ -12,7 +12,6 @@ import math
 from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise
-from typing import Any
 
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.own_modes import own_mode_roles
@@ -148,23 +147,25 @@ def goes_second(state: AgentState) -> bool:
     )
 
 
-def hold(state: AgentState, mission: PlannedMission | None, to: frozenset[int], **changes: Any) -> StepResult:
-    """Order a hold to give way; a second hold on the way to one clear route keeps the first deadline.
+def hold(state: AgentState, mission: PlannedMission | None, to: frozenset[int]) -> StepResult:
+    """Order a hold to give way to the vehicles `to`.
 
-    The vehicle has no route while it holds. A member of a group leaves its place, and may go on by its stored
-    mission. At the end of the group's route it plans anew, because that mission leads elsewhere.
+    A second hold on the way to one clear route keeps the first deadline. The vehicle has no route while it
+    holds. A member of a group leaves its place, and may go on by its stored mission. At the end of the
+    group's route it plans anew, because that mission leads elsewhere.
     """
     in_group, now_s = state.phase is Phase.FORMATION, state.vehicle.time_boot_s
     by_stored = in_group and not state.membership.is_over
     wait = begin_wait(WaitFor.ROUTE, now_s, mission=mission, to=to, by_stored=by_stored, before=state.wait)
-    changes = {
-        "phase": Phase.FLYING,
-        "wait": wait,
-        "plans": state.plans.interrupted(),
-        "n_holds": state.n_holds + (state.order.given is not ev.FlightOrder.HOLD),
-        **changes,
-    }
-    return command(state, ev.FlightOrder.HOLD, **changes)
+    is_new = bool(to) and state.order.given is not ev.FlightOrder.HOLD
+    return command(
+        state,
+        ev.FlightOrder.HOLD,
+        phase=Phase.FLYING,
+        wait=wait,
+        plans=state.plans.interrupted(),
+        conflicts=state.conflicts.counted(holds=is_new),
+    )
 
 
 def resume_if_clear(state: AgentState) -> StepResult:
