@@ -1,5 +1,7 @@
 """Failures of checks, comparisons that raise failures, and names of MAVLink numbers."""
 
+import math
+from collections.abc import Collection
 from typing import Any, TypeVar
 
 from sim_vehicle.station.messages import enum_name
@@ -48,6 +50,23 @@ def within(seen: float, low: float, high: float, label: str) -> float:
     """Return `seen`; raise CheckFailed unless it is between two limits, both included."""
     if not low <= seen <= high:  # also false for NaN
         raise CheckFailed(f"{label}: expected {low:g} to {high:g}, saw {seen:g}")
+    return seen
+
+
+def at_most(seen: float, limit: float, label: str) -> float:
+    """Return `seen`; raise CheckFailed if it is greater than the limit."""
+    return within(seen, -math.inf, limit, label)
+
+
+def at_least(seen: float, limit: float, label: str) -> float:
+    """Return `seen`; raise CheckFailed if it is less than the limit."""
+    return within(seen, limit, math.inf, label)
+
+
+def one_of(seen: T, allowed: Collection[Any], label: str) -> T:
+    """Return `seen`; raise CheckFailed unless it is one of the allowed values."""
+    if seen not in allowed:
+        raise CheckFailed(f"{label}: expected one of {allowed}, saw {seen}")
     return seen
 
 

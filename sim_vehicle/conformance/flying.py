@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from statistics import fmean
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -155,9 +156,7 @@ def speed_m_s(vehicle: VehicleUnderTest) -> float:
 
 def mean_speed_m_s(vehicle: VehicleUnderTest, seconds: float) -> float:
     """Return the mean of the reported ground speeds [m/s]."""
-    mark = vehicle.wait(seconds)
-    speeds = [math.hypot(m.vx, m.vy) / 100 for m in vehicle.since(mark, "GLOBAL_POSITION_INT")]
-    return sum(speeds) / len(speeds)
+    return fmean(math.hypot(m.vx, m.vy) / 100 for m in vehicle.listen("GLOBAL_POSITION_INT", seconds))
 
 
 def wait_until_still(vehicle: VehicleUnderTest, within_s: float, limit_m_s: float = 0.6) -> float:

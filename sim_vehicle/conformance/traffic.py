@@ -201,16 +201,16 @@ class Traffic:
         """Return the messages after a mark, of one kind or of all kinds."""
         return [entry.message for entry in self.received[mark:] if kind in (None, entry.kind)]
 
-    def texts_since(self, began_s: float) -> list[str]:
-        """Return the texts that the vehicle has sent since a time."""
-        return [text for at_s, _, text in self.texts if at_s >= began_s]
-
-    def wait(self, seconds: float) -> int:
-        """Receive frames for `seconds`; return the mark at the start."""
+    def wait(self, seconds: float) -> list[ReceivedFrame]:
+        """Receive frames for `seconds`; return them."""
         mark, end_s = self.mark(), self.now + seconds
         while self.now < end_s - EPSILON_S:
             self._pump(end_s - self.now)
-        return mark
+        return self.received[mark:]
+
+    def listen(self, kind: str, seconds: float) -> list[Any]:
+        """Return the messages of one kind that arrive in `seconds`."""
+        return [entry.message for entry in self.wait(seconds) if entry.kind == kind]
 
     def wait_until(self, condition: Callable[[], bool], description: str, within_s: float) -> float:
         """Wait for a condition; return the time taken [s]. CheckFailed quotes `description`."""
@@ -257,6 +257,11 @@ class Traffic:
         if message is None:
             raise CheckFailed(f"expected {description or kind} within {within_s:g} s, saw none")
         return message
+
+    def expect_text(self, words: str, mark: int) -> str:
+        """Return the first STATUSTEXT with these words after a mark; raise CheckFailed if there is none."""
+        found = self.expect("STATUSTEXT", lambda m: words in m.text, mark=mark, description=f"'{words}'")
+        return str(found.text)
 
     def expect_none(
         self, kind: str, where: Condition | None = None, *, during_s: float, mark: int | None = None

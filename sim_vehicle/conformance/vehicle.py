@@ -200,8 +200,8 @@ class VehicleUnderTest(Traffic):
     def sample(self, rates_hz: Mapping[str, float], seconds: float) -> dict[str, list[Any]]:
         """Return the messages of these streams during `seconds`; raise CheckFailed if a stream is empty."""
         with self.streaming(rates_hz):
-            mark = self.wait(seconds)
-            found = {kind: self.since(mark, kind) for kind in rates_hz}
+            frames = self.wait(seconds)
+        found = {kind: [f.message for f in frames if f.kind == kind] for kind in rates_hz}
         for kind, messages in found.items():
             if not messages:
                 raise CheckFailed(f"expected {kind} at {rates_hz[kind]:g} Hz, saw none in {seconds:g} s")

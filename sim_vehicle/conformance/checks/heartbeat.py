@@ -5,7 +5,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds, within
+from sim_vehicle.conformance.assertions import ACCEPTED, Skip, at_least, at_most, equal, holds, within
 from sim_vehicle.conformance.dialects import version_text
 from sim_vehicle.conformance.flying import mode_name
 from sim_vehicle.conformance.registry import KNOWN, check, checks, row
@@ -29,9 +29,8 @@ def _own(vehicle: VehicleUnderTest, frames: list[ReceivedFrame]) -> list[Receive
 
 def _frames(vehicle: VehicleUnderTest, seconds: float, least: int = 0) -> list[ReceivedFrame]:
     """Return the frames of some seconds; raise CheckFailed for fewer than `least`: silence must not pass."""
-    mark = vehicle.wait(seconds)
-    found = vehicle.received[mark:]
-    holds(len(found) >= least, f"expected at least {least} frames, saw {len(found)}")
+    found = vehicle.wait(seconds)
+    at_least(len(found), least, "frames")
     return found
 
 
@@ -61,8 +60,7 @@ def once_a_second(vehicle: VehicleUnderTest) -> str:
 def no_gaps(vehicle: VehicleUnderTest) -> str:
     """The gap between two heartbeats is less than 2 s."""
     gap_s = max((b.at_s - a.at_s for a, b in pairwise(_heartbeats(vehicle))), default=LISTEN_S)
-    holds(gap_s < 2.0, f"expected gaps below 2 s, saw {gap_s:.2f} s")
-    return f"longest gap {gap_s:.2f} s"
+    return f"longest gap {at_most(gap_s, 2.0, 'longest gap [s]'):.2f} s"
 
 
 @check("heartbeat.ids_in_range")
@@ -86,8 +84,7 @@ def type_is_a_vehicle(vehicle: VehicleUnderTest) -> str:
 def custom_mode_flag(vehicle: VehicleUnderTest) -> str:
     """base_mode has the flag for custom modes."""
     flags = vehicle.heartbeat.base_mode
-    has_flag = flags & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    holds(has_flag, f"base_mode {flags:#04x} lacks CUSTOM_MODE_ENABLED")
+    holds(flags & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, f"base_mode {flags:#04x}")
     return f"base_mode {flags:#04x}"
 
 
@@ -134,17 +131,14 @@ def autopilot_is_known(vehicle: VehicleUnderTest) -> str:
 def goes_on_without_a_station(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends heartbeats while the station is silent."""
     vehicle.heartbeats_off = True
-    beats = _heartbeats(vehicle, 6.0)
-    holds(len(beats) >= 4, f"expected at least 4 heartbeats in 6 s, saw {len(beats)}")
-    return f"{len(beats)} in 6 s"
+    return f"{at_least(len(_heartbeats(vehicle, 6.0)), 4, 'heartbeats in 6 s')} in 6 s"
 
 
 @check("heartbeat.frames_are_mavlink2")
 def frames_are_mavlink2(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends only MAVLink 2 frames to a station that sends MAVLink 2."""
     frames = _frames(vehicle, 3.0, 2)
-    old = sorted({entry.kind for entry in frames if entry.raw[0] != MAVLINK2})
-    holds(not old, f"saw MAVLink 1 frames: {', '.join(old)}")
+    equal(sorted({entry.kind for entry in frames if entry.raw[0] != MAVLINK2}), [], "MAVLink 1 frames")
     return f"{len(frames)} frames"
 
 
@@ -154,8 +148,7 @@ def sequence_numbers_count(vehicle: VehicleUnderTest) -> str:
     with vehicle.streaming({"ATTITUDE": 10.0}):
         frames = _own(vehicle, _frames(vehicle, 4.0, 20))
     missing = sum((b.seq - a.seq - 1) % 256 for a, b in pairwise(frames))
-    total = len(frames) + missing
-    holds(missing <= MAX_LOST_SHARE * total, f"{missing} of {total} sequence numbers are missing")
+    at_most(missing, MAX_LOST_SHARE * (len(frames) + missing), "missing sequence numbers")
     return f"{len(frames)} frames, {missing} missing"
 
 
@@ -164,11 +157,8 @@ def payloads_are_trimmed(vehicle: VehicleUnderTest) -> str:
     """MAVLink 2 payloads have no trailing zeros, as the specification demands."""
     with vehicle.streaming({"ATTITUDE": 5.0, "SYS_STATUS": 5.0}):
         frames = [e for e in _frames(vehicle, 2.0, 8) if e.raw[0] == MAVLINK2]
-    for entry in frames:
-        if len(entry.payload) > 1 and entry.payload[-1] == 0:
-            raise CheckFailed(
-                f"the payload of {entry.kind} has {len(entry.payload)} bytes, and the last is 0"
-            )
+    padded = sorted({e.kind for e in frames if len(e.payload) > 1 and e.payload[-1] == 0})
+    equal(padded, [], "messages with a payload that ends in 0")
     return f"{len(frames)} frames"
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, near, refused
+from sim_vehicle.conformance.assertions import ACCEPTED, Skip, at_most, equal, holds, near, refused
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
@@ -39,8 +39,7 @@ def _restore(vehicle: VehicleUnderTest, before: Any) -> None:
 def _away_m(vehicle: VehicleUnderTest, place: Any, limit_m: float) -> float:
     """Return the distance between a home or origin and the vehicle; raise CheckFailed beyond the limit."""
     away_m = plans.distance_m((place.latitude, place.longitude), plans.current_position(vehicle))
-    holds(away_m < limit_m, f"expected less than {limit_m:g} m, saw {away_m:.1f} m")
-    return away_m
+    return at_most(away_m, limit_m, "distance from the vehicle [m]")
 
 
 @check("home.by_request_message")

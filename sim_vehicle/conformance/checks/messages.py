@@ -1,5 +1,6 @@
 """Messages on request, intervals and data streams."""
 
+from collections.abc import Iterable
 from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -18,6 +19,7 @@ from sim_vehicle.conformance.assertions import (
 from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.definitions import id_of
+from sim_vehicle.station.frames import ReceivedFrame
 
 NOT_A_MESSAGE = 16_777_000  # an unused message id
 REQUESTED = (
@@ -115,7 +117,7 @@ checks(
 
 
 def _rate_hz(vehicle: VehicleUnderTest, kind: str, seconds: float) -> float:
-    return len(vehicle.since(vehicle.wait(seconds), kind)) / seconds
+    return len(vehicle.listen(kind, seconds)) / seconds
 
 
 def _requested_rate_hz(vehicle: VehicleUnderTest, kind: str, rate_hz: float, seconds: float) -> float:
@@ -196,8 +198,8 @@ def intervals_are_independent(vehicle: VehicleUnderTest) -> str:
     """Two messages with different intervals keep their rates."""
     with vehicle.streaming({"ATTITUDE": 2.0, "VFR_HUD": 5.0}):
         vehicle.wait(1.0)
-        mark = vehicle.wait(5.0)
-        attitude_hz, hud_hz = (len(vehicle.since(mark, kind)) / 5 for kind in ("ATTITUDE", "VFR_HUD"))
+        kinds = [frame.kind for frame in vehicle.wait(5.0)]
+    attitude_hz, hud_hz = (kinds.count(kind) / 5 for kind in ("ATTITUDE", "VFR_HUD"))
     near(attitude_hz, 2.0, 0.5, "ATTITUDE a second")
     near(hud_hz, 5.0, 1.0, "VFR_HUD a second")
     return f"{attitude_hz:.1f} and {hud_hz:.1f} Hz"
@@ -225,11 +227,10 @@ def _request_streams(vehicle: VehicleUnderTest, stream: int, rate_hz: int) -> No
     vehicle.send(mavlink.MAVLink_request_data_stream_message(*vehicle.target, stream, rate_hz, start))
 
 
-def _count_kinds(vehicle: VehicleUnderTest, mark: int, *expected: str) -> str:
-    """Return the number of kinds since a mark; raise CheckFailed if an expected kind is missing."""
-    seen = {entry.kind for entry in vehicle.received[mark:]}
-    missing = set(expected) - seen
-    holds(not missing, f"missing: {', '.join(sorted(missing))}")
+def _count_kinds(frames: Iterable[ReceivedFrame], *expected: str) -> str:
+    """Return the number of kinds; raise CheckFailed if an expected kind is missing."""
+    seen = {entry.kind for entry in frames}
+    equal(sorted(set(expected) - seen), [], "missing messages")
     return f"{len(seen)} kinds of message"
 
 
@@ -247,11 +248,9 @@ def stream_position(vehicle: VehicleUnderTest) -> str:
 def stream_all(vehicle: VehicleUnderTest) -> str:
     """Stream id 0 at 4 Hz brings position, attitude, SYS_STATUS, VFR_HUD and GPS_RAW_INT."""
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 4)
-    mark = vehicle.wait(3.0)
+    frames = vehicle.wait(3.0)
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 0)
-    return _count_kinds(
-        vehicle, mark, "GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS", "VFR_HUD", "GPS_RAW_INT"
-    )
+    return _count_kinds(frames, "GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS", "VFR_HUD", "GPS_RAW_INT")
 
 
 @_ardupilot_check("messages.streams.stop")
@@ -271,4 +270,4 @@ def stream_stop(vehicle: VehicleUnderTest) -> None:
 )
 def default_streams(vehicle: VehicleUnderTest) -> str:
     """PX4 streams attitude, position and SYS_STATUS without a request."""
-    return _count_kinds(vehicle, vehicle.wait(4.0), "ATTITUDE", "GLOBAL_POSITION_INT", "SYS_STATUS")
+    return _count_kinds(vehicle.wait(4.0), "ATTITUDE", "GLOBAL_POSITION_INT", "SYS_STATUS")

@@ -7,10 +7,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.assertions import (
     ACCEPTED,
+    at_most,
     equal,
-    holds,
     mission_result_name,
     near,
+    one_of,
     refused,
     within,
 )
@@ -55,7 +56,7 @@ def kind_of_request(vehicle: VehicleUnderTest) -> str:
     """ArduPilot requests items with MISSION_REQUEST, PX4 with MISSION_REQUEST_INT after its first request."""
     later = vehicle.known(ardupilot="MISSION_REQUEST", px4="MISSION_REQUEST_INT")
     first, *others = (kind for kind, _ in _upload_sample(vehicle).requests)
-    holds(first in ("MISSION_REQUEST", later), f"the first request is {first}")
+    one_of(first, ("MISSION_REQUEST", later), "the first request")
     equal(set(others), {later}, "the later requests")
     return f"{first}, then {later}"
 
@@ -72,7 +73,7 @@ def _expect_near(items: list[Any], back: list[Any], degrees: float) -> None:
     """Compare the positions of items read back, in units of 1 / `degrees`, apart from item 0."""
     for seen, sent in zip(back[1:], items[1:], strict=True):
         off_m = plans.distance_m((round(seen.x * degrees), round(seen.y * degrees)), (sent.x, sent.y))
-        holds(off_m < AGREE_M, f"item {seen.seq}: expected less than {AGREE_M:g} m off, saw {off_m:.1f} m")
+        at_most(off_m, AGREE_M, f"distance of item {seen.seq} [m]")
 
 
 @check("mission.upload.legacy_items", source="AUTOPILOTS 2: legacy float items also taken")
@@ -196,8 +197,7 @@ def item_zero(vehicle: VehicleUnderTest) -> None:
     if not is_home:
         equal((first.x, first.y), (sent.x, sent.y), "item 0")
         return
-    away_m = plans.distance_m((first.x, first.y), flying.home(vehicle))
-    holds(away_m < 1, f"expected home, saw a position {away_m:.0f} m from home")
+    at_most(plans.distance_m((first.x, first.y), flying.home(vehicle)), 1, "distance from home [m]")
 
 
 @check("mission.download.beyond_the_end")

@@ -9,7 +9,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, near, refused, within
+from sim_vehicle.conformance.assertions import ACCEPTED, equal, near, one_of, refused, within
 from sim_vehicle.conformance.registry import Row, check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import PlanItem
@@ -46,9 +46,7 @@ def total_of_nothing(vehicle: VehicleUnderTest) -> str:
     allowed = vehicle.known(ardupilot={0, NO_MISSION_TOTAL}, px4={NO_MISSION_TOTAL})
     plans.clear(vehicle)
     vehicle.wait(1.0)
-    total = _current(vehicle).total
-    holds(total in allowed, f"expected one of {sorted(allowed)}, saw {total}")
-    return str(total)
+    return str(one_of(_current(vehicle).total, allowed, "total"))
 
 
 @check("mission.current.state", source="AUTOPILOTS 2: mission_state is 0 always (PX4)")
@@ -60,9 +58,7 @@ def current_state(vehicle: VehicleUnderTest) -> str:
     equal(_current(vehicle).mission_state, empty, "mission_state with no mission")
     plans.store_sample(vehicle)
     vehicle.wait(0.5)
-    state = _current(vehicle).mission_state
-    holds(state in stored, f"mission_state: expected one of {stored}, saw {state}")
-    return f"{empty}, {state}"
+    return f"{empty}, {one_of(_current(vehicle).mission_state, stored, 'mission_state')}"
 
 
 @check(
