@@ -1,8 +1,9 @@
 """The checks by name.
 
-A check is a function of a `VehicleUnderTest`. Its docstring is the verified statement. The function returns
-a measured value as text, or nothing if the statement says it all. It raises `CheckFailed` if the vehicle
-behaves wrongly, and `Skip` if the check does not apply. Checks of one shape are the rows of `checks`.
+A check is a function of a `VehicleUnderTest`. Its name ends the name of the check, and its docstring is the
+verified statement. The function returns a measured value as text, or nothing if the statement says it all.
+It raises `CheckFailed` if the vehicle behaves wrongly, and `Skip` if the check does not apply. Checks of one
+shape are the rows of `checks`.
 """
 
 import fnmatch
@@ -55,26 +56,32 @@ class Check:
 CHECKS: dict[str, Check] = {}
 
 
-def check(
-    name: str, *, statement: str = "", needs: Iterable[str] = (), airborne: bool = False, **conditions: Any
-) -> Callable[[CheckFunction], CheckFunction]:
-    """Register a function under `category.name`; raise ValueError for a bad name or permission.
-
-    statement: the verified statement; default: the function's docstring. conditions: fields of `Check`.
-    """
+def _register(
+    name: str, function: CheckFunction, statement: str, *,
+    needs: Iterable[str] = (), airborne: bool = False, **conditions: Any,
+) -> None:  # fmt: skip
+    """Add a check; raise ValueError for a bad name or permission."""
     required = frozenset(needs) | ({ARM} if airborne else frozenset())
     if name in CHECKS:
         raise ValueError(f"two checks are named {name!r}")
-    if name.partition(".")[0] not in CATEGORIES or not name.partition(".")[2]:
+    if name.partition(".")[0] not in CATEGORIES:
         raise ValueError(
             f"check {name!r}: a name is CATEGORY.NAME; the categories are {', '.join(CATEGORIES)}"
         )
     if unknown := required - PERMISSIONS:
         raise ValueError(f"check {name!r} needs {sorted(unknown)}; the permissions are {sorted(PERMISSIONS)}")
+    CHECKS[name] = Check(name, function, statement, required, airborne=airborne, **conditions)
+
+
+def check(prefix: str, **conditions: Any) -> Callable[[CheckFunction], CheckFunction]:
+    """Register a function as the check `prefix.function`; prefix: category and group, as `mission.upload`.
+
+    A final `_` of the function's name is left out. conditions: fields of `Check`.
+    """
 
     def register(function: CheckFunction) -> CheckFunction:
-        summary = (statement or function.__doc__ or "").strip().partition("\n")[0]
-        CHECKS[name] = Check(name, function, summary, required, airborne=airborne, **conditions)
+        statement = (function.__doc__ or "").strip().partition("\n")[0]
+        _register(f"{prefix}.{function.__name__.rstrip('_')}", function, statement, **conditions)
         return function
 
     return register
@@ -92,7 +99,7 @@ def checks(prefix: str, function: Callable[..., str | None], *rows: Row, **condi
         def checked(vehicle: VehicleUnderTest, arguments: tuple[Any, ...] = arguments) -> str | None:
             return function(vehicle, *arguments)
 
-        check(f"{prefix}.{name}", statement=statement, **conditions, **own_conditions)(checked)
+        _register(f"{prefix}.{name}", checked, statement, **conditions, **own_conditions)
 
 
 def all_checks() -> list[Check]:

@@ -47,12 +47,15 @@ def test_every_category_has_checks_and_every_check_a_statement() -> None:
 
 
 def test_duplicate_names_and_unknown_permissions_are_refused() -> None:
+    def arrives(_vehicle: VehicleUnderTest) -> None:
+        """A heartbeat arrives."""
+
     with pytest.raises(ValueError, match=r"heartbeat\.arrives"):
-        all_checks() and check("heartbeat.arrives")
+        all_checks() and check("heartbeat")(arrives)
     with pytest.raises(ValueError, match="money"):
-        check("heartbeat.new", needs=["money"])
-    with pytest.raises(ValueError, match=r"nothing\.new"):
-        check("nothing.new")
+        check("heartbeat.new", needs=["money"])(arrives)
+    with pytest.raises(ValueError, match=r"nothing\.arrives"):
+        check("nothing")(arrives)
 
 
 def test_a_pattern_is_a_category_a_beginning_or_a_shell_pattern() -> None:

@@ -25,9 +25,9 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 ARM_COMMAND = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 FORCE = 21_196  # value of parameter 2 for arming or disarming without checks
 REFUSAL_S = 2.0  # longest wait for the reason of a refusal
-_check = partial(check, needs=[ARM])
-_known_check = partial(check, needs=[ARM], dialects=KNOWN)
-_copter_check = partial(check, needs=[ARM], dialects=("ardupilot",), kind="copter")
+_check = partial(check, "arming", needs=[ARM])
+_known_check = partial(check, "arming", needs=[ARM], dialects=KNOWN)
+_copter_check = partial(check, "arming", needs=[ARM], dialects=("ardupilot",), kind="copter")
 
 
 def _by_command(vehicle: VehicleUnderTest, value: int) -> str:
@@ -65,7 +65,7 @@ checks(
 )  # fmt: skip
 
 
-@_check("arming.is_idempotent")
+@_check()
 def is_idempotent(vehicle: VehicleUnderTest) -> None:
     """Arming an armed vehicle and disarming a disarmed vehicle are accepted."""
     with flying.armed(vehicle):
@@ -73,10 +73,7 @@ def is_idempotent(vehicle: VehicleUnderTest) -> None:
     vehicle.expect_accepted(ARM_COMMAND, 0)
 
 
-@_check(
-    "arming.strange_parameter",
-    source="PX4 Commander.cpp, VEHICLE_CMD_COMPONENT_ARM_DISARM: a text, and no acknowledgement",
-)
+@_check(source="PX4 Commander.cpp, VEHICLE_CMD_COMPONENT_ARM_DISARM: a text, and no acknowledgement")
 def strange_parameter(vehicle: VehicleUnderTest) -> str:
     """COMPONENT_ARM_DISARM with 2 as parameter 1 does not arm; PX4 sends a text, others refuse."""
     flying.wait_ready(vehicle)
@@ -93,7 +90,7 @@ def strange_parameter(vehicle: VehicleUnderTest) -> str:
     return seen[0]
 
 
-@_known_check("arming.system_status", source="AUTOPILOTS 1.13")
+@_known_check(source="AUTOPILOTS 1.13")
 def system_status(vehicle: VehicleUnderTest) -> str:
     """On the ground an armed vehicle reports STANDBY (ArduPilot) or ACTIVE (PX4)."""
     expected = vehicle.known(ardupilot="MAV_STATE_STANDBY", px4="MAV_STATE_ACTIVE")
@@ -103,7 +100,7 @@ def system_status(vehicle: VehicleUnderTest) -> str:
     return str(equal(seen, expected, "system_status"))
 
 
-@_check("arming.prearm_bit", source="AUTOPILOTS 1.3: readiness")
+@_check(source="AUTOPILOTS 1.3: readiness")
 def prearm_bit(vehicle: VehicleUnderTest) -> None:
     """A vehicle with a set pre-arm bit can be armed."""
     flying.wait_ready(vehicle)
@@ -115,7 +112,7 @@ def prearm_bit(vehicle: VehicleUnderTest) -> None:
     flying.disarm(vehicle)
 
 
-@_check("arming.mode_not_armable", dialects=("ardupilot",), source="AUTOPILOTS 1.7")
+@_check(dialects=("ardupilot",), source="AUTOPILOTS 1.7")
 def mode_not_armable(vehicle: VehicleUnderTest) -> None:
     """The vehicle refuses arming in AUTO, and sends the reason as a text."""
     flying.wait_ready(vehicle)
@@ -130,12 +127,7 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> None:
     flying.set_ready_mode(vehicle)
 
 
-@_check(
-    "arming.refusal_has_a_reason",
-    claims=CLAIMS,
-    dialects=("ardupilot",),
-    source="AUTOPILOTS 1.3: reason only in STATUSTEXT",
-)
+@_check(claims=CLAIMS, dialects=("ardupilot",), source="AUTOPILOTS 1.3: reason only in STATUSTEXT")
 def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
     """Outside of an enabled fence arming is refused, and a text names the breach."""
     flying.wait_ready(vehicle)
@@ -149,7 +141,7 @@ def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
         return vehicle.expect_text("reach", mark)
 
 
-@_known_check("arming.sets_home", source="AUTOPILOTS 1.11: home is re-set at every arming")
+@_known_check(source="AUTOPILOTS 1.11: home is re-set at every arming")
 def sets_home(vehicle: VehicleUnderTest) -> str:
     """After arming, home is within 5 m of the vehicle."""
     with flying.armed(vehicle):
@@ -160,9 +152,7 @@ def sets_home(vehicle: VehicleUnderTest) -> str:
     return f"{at_most(away_m, 5.0, 'distance to home [m]'):.2f} m"
 
 
-@_known_check(
-    "arming.idle_disarms", kind="copter", source="AUTOPILOTS 1.7: auto-disarms after DISARM_DELAY 10 s"
-)
+@_known_check(kind="copter", source="AUTOPILOTS 1.7: auto-disarms after DISARM_DELAY 10 s")
 def idle_disarms(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle on the ground disarms after the configured delay."""
     parameter = vehicle.known(ardupilot="DISARM_DELAY", px4="COM_DISARM_PRFLT")
@@ -175,12 +165,7 @@ def idle_disarms(vehicle: VehicleUnderTest) -> str:
     return f"after {took_s:.1f} s"
 
 
-@check(
-    "arming.reboot_is_refused",
-    needs=[ARM, "reboot"],
-    dialects=KNOWN,
-    source="AUTOPILOTS 2: reboot is DENIED when armed",
-)
+@check("arming", needs=[ARM, "reboot"], dialects=KNOWN, source="AUTOPILOTS 2: reboot is DENIED when armed")
 def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle does not reboot."""
     expected = vehicle.known(ardupilot="FAILED", px4="DENIED")
@@ -192,7 +177,6 @@ def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
 
 
 @_copter_check(
-    "arming.mission_start_disarmed",
     source="AUTOPILOTS 1.7: MISSION_START on a disarmed vehicle is ACCEPTED, sets AUTO, and nothing flies",
 )
 def mission_start_disarmed(vehicle: VehicleUnderTest) -> None:
@@ -206,7 +190,7 @@ def mission_start_disarmed(vehicle: VehicleUnderTest) -> None:
     flying.set_ready_mode(vehicle)
 
 
-@_copter_check("arming.takeoff_disarmed")
+@_copter_check()
 def takeoff_disarmed(vehicle: VehicleUnderTest) -> str:
     """NAV_TAKEOFF on a disarmed vehicle is refused."""
     flying.wait_ready(vehicle)

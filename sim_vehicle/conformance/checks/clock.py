@@ -18,14 +18,14 @@ def _ask_timesync(vehicle: VehicleUnderTest, ts1: int) -> Any:
     return vehicle.ask(message, "TIMESYNC", lambda m: m.ts1 == ts1 and m.tc1 != 0)
 
 
-@check("time.timesync.is_answered")
+@check("time.timesync")
 def is_answered(vehicle: VehicleUnderTest) -> str:
     """The answer to a TIMESYNC request (tc1 = 0) has the same ts1, and the vehicle's time as tc1."""
     return f"{at_least(_ask_timesync(vehicle, 123_456_789_012).tc1 / 1e9, 0, 'time [s]'):.3f} s"
 
 
-@check("time.timesync.goes_forward")
-def advances(vehicle: VehicleUnderTest) -> str:
+@check("time.timesync")
+def goes_forward(vehicle: VehicleUnderTest) -> str:
     """The vehicle's clock advances by the time between two answers, within 15 %."""
     first_ns, began_s = _ask_timesync(vehicle, 1_001).tc1, vehicle.now
     vehicle.wait(3.0)
@@ -34,16 +34,16 @@ def advances(vehicle: VehicleUnderTest) -> str:
     return f"{seen_s:.3f} s in {passed_s:.3f} s"
 
 
-@check("time.timesync.answer_is_not_answered")
-def not_answered(vehicle: VehicleUnderTest) -> None:
+@check("time.timesync")
+def answer_is_not_answered(vehicle: VehicleUnderTest) -> None:
     """The vehicle does not reply to a TIMESYNC answer (tc1 not 0)."""
     _ask_timesync(vehicle, 666_666)  # confirms that the vehicle answers
     mark = vehicle.send(mavlink.MAVLink_timesync_message(5_000_000_000, 777_777))
     vehicle.expect_none("TIMESYNC", lambda m: m.ts1 == 777_777, during_s=1.5, mark=mark)
 
 
-@check("time.system_time.agrees_with_timesync")
-def agrees(vehicle: VehicleUnderTest) -> str:
+@check("time.system_time")
+def agrees_with_timesync(vehicle: VehicleUnderTest) -> str:
     """time_boot_ms and TIMESYNC count from the same moment, within 1 s."""
     clock_s = _ask_timesync(vehicle, 2_001).tc1 / 1e9
     boot_s = vehicle.request("SYSTEM_TIME").time_boot_ms / 1000
@@ -51,7 +51,7 @@ def agrees(vehicle: VehicleUnderTest) -> str:
     return f"{boot_s:.2f} s and {clock_s:.2f} s"
 
 
-@check("time.system_time.has_the_date")
+@check("time.system_time")
 def has_the_date(vehicle: VehicleUnderTest) -> str:
     """With a GPS fix, time_unix_usec is a date after the start of 2020."""
     for _ in range(100):
@@ -62,7 +62,7 @@ def has_the_date(vehicle: VehicleUnderTest) -> str:
     raise Skip("no GPS time in 100 requests")
 
 
-@check("time.system_time.same_rate", source="PX4 SYSTEM_TIME.hpp: the date of the host, in SITL")
+@check("time.system_time", source="PX4 SYSTEM_TIME.hpp: the date of the host, in SITL")
 def same_rate(vehicle: VehicleUnderTest) -> str:
     """The date advances with the time since boot; a fast simulation may keep the slower date of its host."""
     first = vehicle.request("SYSTEM_TIME")
@@ -77,7 +77,7 @@ def same_rate(vehicle: VehicleUnderTest) -> str:
     return f"{boot_s:.2f} s, {date_s:.2f} s of the date"
 
 
-@check("time.ping", dialects=("px4",))
+@check("time", dialects=("px4",))
 def ping(vehicle: VehicleUnderTest) -> None:
     """The answer to a PING to all systems has the seq and time_usec of the PING."""
     stamp = 987_654

@@ -41,13 +41,13 @@ def _results(vehicle: VehicleUnderTest, mark: int, command: int = REQUEST) -> li
     return [result_name(m.result) for m in vehicle.since(mark, "COMMAND_ACK") if m.command == command]
 
 
-@check("commands.ack.names_the_command")
+@check("commands.ack")
 def names_the_command(vehicle: VehicleUnderTest) -> str:
     """The acknowledgement carries the number of the command."""
     return command_name(equal(_ack(vehicle).command, REQUEST, "command"))
 
 
-@check("commands.ack.names_the_station")
+@check("commands.ack")
 def names_the_station(vehicle: VehicleUnderTest) -> str:
     """The acknowledgement is addressed to the commanding station, or to all systems."""
     ack = _ack(vehicle)
@@ -56,7 +56,7 @@ def names_the_station(vehicle: VehicleUnderTest) -> str:
     return f"{ack.target_system}, {ack.target_component}"
 
 
-@check("commands.ack.comes_once")
+@check("commands.ack")
 def comes_once(vehicle: VehicleUnderTest) -> str:
     """One command brings one acknowledgement."""
     mark = vehicle.send(vehicle.version_request())
@@ -64,7 +64,7 @@ def comes_once(vehicle: VehicleUnderTest) -> str:
     return str(equal(len(_results(vehicle, mark)), 1, "acknowledgements"))
 
 
-@check("commands.ack.is_quick")
+@check("commands.ack")
 def is_quick(vehicle: VehicleUnderTest) -> str:
     """At least four of five short commands are acknowledged within 1 s; a link may lose one."""
     took_s = []
@@ -76,7 +76,7 @@ def is_quick(vehicle: VehicleUnderTest) -> str:
     return f"up to {max(took_s) * 1000:.0f} ms"
 
 
-@check("commands.repeated.confirmation")
+@check("commands.repeated")
 def confirmation(vehicle: VehicleUnderTest) -> None:
     """A repeated command with a higher confirmation number is acknowledged like the first command."""
     for number in range(3):
@@ -86,8 +86,8 @@ def confirmation(vehicle: VehicleUnderTest) -> None:
         equal(result_name(ack.result), ACCEPTED, f"confirmation {number}")
 
 
-@check("commands.repeated.mode")
-def same_mode(vehicle: VehicleUnderTest) -> str:
+@check("commands.repeated")
+def mode(vehicle: VehicleUnderTest) -> str:
     """A command for the present mode is accepted."""
     flying.set_ready_mode(vehicle)
     return equal(vehicle.result(set_mode(vehicle.target, vehicle.mode)), ACCEPTED, "the present mode")
@@ -108,8 +108,8 @@ checks(
 )  # fmt: skip
 
 
-@check("commands.int.same_as_long")
-def int_same_as_long(vehicle: VehicleUnderTest) -> str:
+@check("commands.int")
+def same_as_long(vehicle: VehicleUnderTest) -> str:
     """A command without a position has the same result as COMMAND_INT and COMMAND_LONG."""
     as_long = vehicle.result(vehicle.version_request())
     return equal(vehicle.result(vehicle.command_int(REQUEST, VERSION)), as_long, "COMMAND_INT")
@@ -143,8 +143,8 @@ checks(
 )  # fmt: skip
 
 
-@check("commands.target.broadcast")
-def all_systems(vehicle: VehicleUnderTest) -> str:
+@check("commands.target")
+def broadcast(vehicle: VehicleUnderTest) -> str:
     """A command to system 0 reaches the vehicle; PX4 executes only a few such commands."""
     capabilities = mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES
     command, param = vehicle.known(ardupilot=(REQUEST, VERSION), px4=(capabilities, 1))
@@ -152,13 +152,13 @@ def all_systems(vehicle: VehicleUnderTest) -> str:
     return str(vehicle.expect("AUTOPILOT_VERSION", mark=mark).get_type())
 
 
-@check("commands.target.all_components")
+@check("commands.target")
 def all_components(vehicle: VehicleUnderTest) -> None:
     """A command to component 0 reaches the autopilot."""
     vehicle.ask(vehicle.version_request(to=(vehicle.identity.sysid, 0)), "COMMAND_ACK")
 
 
-@check("commands.target.other_component", source=f"AUTOPILOTS 1.15: target_component is ignored; {FOREIGN}")
+@check("commands.target", source=f"AUTOPILOTS 1.15: target_component is ignored; {FOREIGN}")
 def other_component(vehicle: VehicleUnderTest) -> str:
     """A command to component 77 is executed by ArduPilot; PX4 answers FAILED."""
     expected = vehicle.known(ardupilot=(ACCEPTED, True), px4=("FAILED", False))
@@ -169,14 +169,14 @@ def other_component(vehicle: VehicleUnderTest) -> str:
     return equal((result_name(ack.result), executed), expected, "result, executed")[0]
 
 
-@check("commands.station.any_is_obeyed", source="AUTOPILOTS 1.15: commands from any GCS sysid are obeyed")
-def any_station(vehicle: VehicleUnderTest) -> str:
+@check("commands.station", source="AUTOPILOTS 1.15: commands from any GCS sysid are obeyed")
+def any_is_obeyed(vehicle: VehicleUnderTest) -> str:
     """The command of a second ground station is acknowledged, to that station or to all systems."""
     target = _ack(vehicle, SECOND_STATION).target_system
     return f"acknowledged to {one_of(target, (0, SECOND_STATION[0]), 'target')}"
 
 
-@check("commands.station.two_at_once")
+@check("commands.station")
 def two_at_once(vehicle: VehicleUnderTest) -> str:
     """The vehicle acknowledges two commands that two stations send at the same moment."""
     mark = vehicle.send(vehicle.version_request())
@@ -188,7 +188,7 @@ def two_at_once(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "commands.parameters.no_number",
+    "commands.parameters",
     needs=[CRASH],
     source="ArduPilot GCS_Common.cpp, handle_command_request_message: converts the id without a check",
 )
@@ -203,11 +203,11 @@ def no_number(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "commands.parameters.message_interval_nan",
+    "commands.parameters",
     needs=[CRASH],
     source="ArduPilot GCS_Common.cpp, handle_command_set_message_interval: converts without a check",
 )
-def interval_nan(vehicle: VehicleUnderTest) -> str:
+def message_interval_nan(vehicle: VehicleUnderTest) -> str:
     """An interval of NaN for ATTITUDE causes at most 200 messages in 2 s."""
     vehicle.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, id_of("ATTITUDE"), math.nan)
     vehicle.wait(0.5)
@@ -227,7 +227,7 @@ def _wait_for_end(vehicle: VehicleUnderTest, mark: int) -> None:
     )
 
 
-@check("commands.progress.ends_in_a_result", needs=[ALTER])
+@check("commands.progress", needs=[ALTER])
 def ends_in_a_result(vehicle: VehicleUnderTest) -> str:
     """A gyroscope calibration has one final acknowledgement, and it comes last, within 60 s."""
     mark = vehicle.send(vehicle.command_long(CALIBRATE, 1))
@@ -246,7 +246,7 @@ def _cancel(vehicle: VehicleUnderTest, command: int) -> None:
     vehicle.send(DefinedMessage(COMMAND_CANCEL, **fields))
 
 
-@check("commands.progress.can_be_cancelled", needs=[ALTER])
+@check("commands.progress", needs=[ALTER])
 def can_be_cancelled(vehicle: VehicleUnderTest) -> str:
     """After COMMAND_CANCEL, a command in progress has a final acknowledgement within 60 s."""
     mark = vehicle.send(vehicle.command_long(CALIBRATE, 1))
@@ -259,7 +259,7 @@ def can_be_cancelled(vehicle: VehicleUnderTest) -> str:
     return _results(vehicle, mark, CALIBRATE)[-1]
 
 
-@check("commands.progress.nothing_to_cancel")
+@check("commands.progress")
 def nothing_to_cancel(vehicle: VehicleUnderTest) -> None:
     """After COMMAND_CANCEL without a command in progress, the next command is accepted."""
     _cancel(vehicle, REQUEST)

@@ -141,11 +141,11 @@ checks(
 )  # fmt: skip
 
 
-_fence_check = partial(check, claims=CLAIMS)
+_fence_check = partial(check, "fence", claims=CLAIMS)
 _ardupilot_check = partial(_fence_check, dialects=("ardupilot",))
 
 
-@_fence_check("fence.read_back_frame", source="AUTOPILOTS 2: fence read back frame 0 / read-back frame 5")
+@_fence_check(source="AUTOPILOTS 2: fence read back frame 0 / read-back frame 5")
 def read_back_frame(vehicle: VehicleUnderTest) -> None:
     """Items are read back in frame 0 on ArduPilot and in frame 5 on PX4."""
     expected = vehicle.known(ardupilot=0, px4=5)
@@ -153,15 +153,15 @@ def read_back_frame(vehicle: VehicleUnderTest) -> None:
     equal({item.frame for item in plans.download(vehicle, FENCE)}, {expected}, "frames")
 
 
-@_fence_check("fence.refusal_keeps_the_old", source="AUTOPILOTS 2: fence atomic, old fence kept on failure")
-def old_fence_stays(vehicle: VehicleUnderTest) -> None:
+@_fence_check(source="AUTOPILOTS 2: fence atomic, old fence kept on failure")
+def refusal_keeps_the_old(vehicle: VehicleUnderTest) -> None:
     """After a refused upload the vehicle keeps its old fence."""
     old = _store_square(vehicle)
     refused(_result(vehicle, polygon(vehicle, SQUARE[:2])))
     plans.expect_stored(vehicle, old, FENCE)
 
 
-@_ardupilot_check("fence.too_large", source="AUTOPILOTS 2: 200 -> NO_SPACE")
+@_ardupilot_check(source="AUTOPILOTS 2: 200 -> NO_SPACE")
 def too_large(vehicle: VehicleUnderTest) -> str:
     """A fence of 200 vertices is refused, and the old fence stays."""
     old = _store_square(vehicle)
@@ -170,7 +170,7 @@ def too_large(vehicle: VehicleUnderTest) -> str:
     return equal(seen, "NO_SPACE", "200 vertices")
 
 
-@_ardupilot_check("fence.total_parameter", source="AUTOPILOTS 2: FENCE_TOTAL reads 6")
+@_ardupilot_check(source="AUTOPILOTS 2: FENCE_TOTAL reads 6")
 def total_parameter(vehicle: VehicleUnderTest) -> str:
     """FENCE_TOTAL reads 6 for a polygon of four vertices."""
     _store_square(vehicle)
@@ -202,10 +202,8 @@ checks(
 )  # fmt: skip
 
 
-@_ardupilot_check(
-    "fence.interleaved_with_mission", source="AUTOPILOTS 2: mission and fence uploads may run interleaved"
-)
-def interleaved(vehicle: VehicleUnderTest) -> None:
+@_ardupilot_check(source="AUTOPILOTS 2: mission and fence uploads may run interleaved")
+def interleaved_with_mission(vehicle: VehicleUnderTest) -> None:
     """A mission and a fence can be uploaded at the same time, item by item."""
     sent = {MISSION: plans.sample_plan(vehicle, 4), FENCE: polygon(vehicle)}
     mark = vehicle.mark()
@@ -224,7 +222,7 @@ def interleaved(vehicle: VehicleUnderTest) -> None:
         plans.expect_stored(vehicle, items, kind)
 
 
-@_fence_check("fence.enable_command", source="AUTOPILOTS 2: MAV_CMD_DO_FENCE_ENABLE(207)")
+@_fence_check(source="AUTOPILOTS 2: MAV_CMD_DO_FENCE_ENABLE(207)")
 def enable_command(vehicle: VehicleUnderTest) -> str:
     """DO_FENCE_ENABLE is ACCEPTED on ArduPilot, without a change of FENCE_ENABLE, and UNSUPPORTED on PX4."""
     expected = vehicle.known(ardupilot=ACCEPTED, px4="UNSUPPORTED")
@@ -237,7 +235,7 @@ def enable_command(vehicle: VehicleUnderTest) -> str:
 
 
 # The last check of a fence leaves none, because PX4 keeps within a stored fence in later flights.
-@_fence_check("fence.empty_upload")
+@_fence_check()
 def empty_upload(vehicle: VehicleUnderTest) -> None:
     """An empty upload is accepted and removes the fence."""
     _store_square(vehicle)
@@ -246,7 +244,7 @@ def empty_upload(vehicle: VehicleUnderTest) -> None:
     equal(plans.count(vehicle, FENCE), 0, "items left")
 
 
-_rally_check = partial(check, claims=RALLY_CLAIMS)
+_rally_check = partial(check, "rally", claims=RALLY_CLAIMS)
 
 
 def _points(vehicle: VehicleUnderTest, count: int = 3) -> list[PlanItem]:
@@ -256,21 +254,21 @@ def _points(vehicle: VehicleUnderTest, count: int = 3) -> list[PlanItem]:
     return [replace(blank, x=x, y=y, z=20.0 + i) for i, (x, y) in enumerate(places)]
 
 
-@_rally_check("rally.is_empty_at_first", dialects=KNOWN, source="AUTOPILOTS 2: rally ok (count 0)")
-def empty(vehicle: VehicleUnderTest) -> str:
+@_rally_check(dialects=KNOWN, source="AUTOPILOTS 2: rally ok (count 0)")
+def is_empty_at_first(vehicle: VehicleUnderTest) -> str:
     """After MISSION_CLEAR_ALL the count is 0."""
     plans.clear(vehicle, RALLY)
     return str(equal(plans.count(vehicle, RALLY), 0, "count"))
 
 
-@_rally_check("rally.upload")
+@_rally_check()
 def upload(vehicle: VehicleUnderTest) -> None:
     """An upload of three points is accepted, and the vehicle requests them in order."""
     done = plans.upload_or_fail(vehicle, _points(vehicle), RALLY)
     equal([seq for _, seq in done.requests], [0, 1, 2], "requested items")
 
 
-@_rally_check("rally.read_back")
+@_rally_check()
 def read_back(vehicle: VehicleUnderTest) -> None:
     """Positions are read back exactly, altitudes within 1 m."""
     points = _points(vehicle)
@@ -278,7 +276,7 @@ def read_back(vehicle: VehicleUnderTest) -> None:
         near(seen.z, sent.z, 1.0, "z")
 
 
-@_rally_check("rally.replaces")
+@_rally_check()
 def replaces(vehicle: VehicleUnderTest) -> str:
     """A shorter list replaces a longer list."""
     plans.upload_or_fail(vehicle, _points(vehicle, 4), RALLY)
@@ -286,7 +284,7 @@ def replaces(vehicle: VehicleUnderTest) -> str:
     return f"{equal(plans.count(vehicle, RALLY), 2, 'count')} points left"
 
 
-@_rally_check("rally.wrong_command", dialects=("ardupilot", "mavlink"))
+@_rally_check(dialects=("ardupilot", "mavlink"))
 def wrong_command(vehicle: VehicleUnderTest) -> str:
     """A waypoint in place of a rally point is refused."""
     bad = [replace(point, command=mavlink.MAV_CMD_NAV_WAYPOINT) for point in _points(vehicle, 1)]

@@ -20,7 +20,7 @@ PACKED = "@PARAM/param.pck"
 PACKED_MAGIC = (0x671B, 0x671C)
 CANDIDATES = (PACKED, "/etc/extras/component_general.json.xz", "@SYS/uarts.txt")  # files of known autopilots
 CLAIMS = ("FTP",)
-_check = partial(check, claims=CLAIMS)
+_check = partial(check, "ftp", claims=CLAIMS)
 
 
 @contextmanager
@@ -48,13 +48,13 @@ def _some_file(client: FtpClient) -> tuple[str, bytes]:
     raise Skip("no readable file is known")
 
 
-@_check("ftp.reset")
+@_check()
 def reset(vehicle: VehicleUnderTest) -> None:
     """ResetSessions is acknowledged."""
     holds(FtpClient(vehicle).ask(ftp.RESET).ok, "expected ACK")
 
 
-@_check("ftp.sequence_number")
+@_check()
 def sequence_number(vehicle: VehicleUnderTest) -> None:
     """An answer carries the request's number plus one, and the request's operation."""
     client = FtpClient(vehicle)
@@ -63,8 +63,8 @@ def sequence_number(vehicle: VehicleUnderTest) -> None:
     equal((answer.seq, answer.request), (702, ftp.RESET), "seq, request opcode")
 
 
-@_check("ftp.addressed_to_us")
-def addressed(vehicle: VehicleUnderTest) -> str:
+@_check()
+def addressed_to_us(vehicle: VehicleUnderTest) -> str:
     """The answer is addressed to the requesting station."""
     FtpClient(vehicle).ask(ftp.RESET)
     message = vehicle.last["FILE_TRANSFER_PROTOCOL"].message
@@ -72,8 +72,8 @@ def addressed(vehicle: VehicleUnderTest) -> str:
     return str(message.target_system)
 
 
-@_check("ftp.lists_a_directory")
-def lists(vehicle: VehicleUnderTest) -> str:
+@_check()
+def lists_a_directory(vehicle: VehicleUnderTest) -> str:
     """The root can be listed; each entry is a file (F), a directory (D) or a skipped entry (S)."""
     with _client(vehicle) as client:
         entries = client.list("/")
@@ -107,7 +107,7 @@ checks(
 )  # fmt: skip
 
 
-@_check("ftp.reads_a_file")
+@_check()
 def reads_a_file(vehicle: VehicleUnderTest) -> str:
     """A file can be opened and read to its end."""
     with _client(vehicle) as client:
@@ -115,8 +115,8 @@ def reads_a_file(vehicle: VehicleUnderTest) -> str:
     return f"{path}, {at_least(len(data), 1, 'bytes')} bytes"
 
 
-@_check("ftp.same_twice")
-def read_again(vehicle: VehicleUnderTest) -> str:
+@_check()
+def same_twice(vehicle: VehicleUnderTest) -> str:
     """A second read of three parts of a file gives the same bytes; packed parameters may differ."""
     with _client(vehicle) as client:
         path, data = _some_file(client)
@@ -130,7 +130,7 @@ def read_again(vehicle: VehicleUnderTest) -> str:
     return f"3 parts of {path}"
 
 
-@_check("ftp.end_of_file")
+@_check()
 def end_of_file(vehicle: VehicleUnderTest) -> None:
     """A read after the end is refused as end of file."""
     with _client(vehicle) as client:
@@ -140,8 +140,8 @@ def end_of_file(vehicle: VehicleUnderTest) -> None:
     _refused(answer, ftp.EOF)
 
 
-@_check("ftp.burst_reads_the_same")
-def burst(vehicle: VehicleUnderTest) -> str:
+@_check()
+def burst_reads_the_same(vehicle: VehicleUnderTest) -> str:
     """Burst reads give the same bytes as single reads; of packed parameters only the length is compared."""
     with _client(vehicle) as client:
         path, data = _some_file(client)
@@ -151,8 +151,8 @@ def burst(vehicle: VehicleUnderTest) -> str:
     return f"{len(seen)} bytes"
 
 
-@_check("ftp.repeated_request")
-def repeated(vehicle: VehicleUnderTest) -> None:
+@_check()
+def repeated_request(vehicle: VehicleUnderTest) -> None:
     """A repeated request to open a file, as after a lost answer, gets the same answer and session."""
     with _client(vehicle) as client:
         path, _ = _some_file(client)
@@ -163,7 +163,7 @@ def repeated(vehicle: VehicleUnderTest) -> None:
     equal(seen, (first.seq, first.opcode, first.session), "answer")
 
 
-@_check("ftp.checksum")
+@_check()
 def checksum(vehicle: VehicleUnderTest) -> str:
     """CalcFileCRC32, where supported, returns the checksum of the file."""
     with _client(vehicle) as client:
@@ -184,7 +184,7 @@ def bare_crc32(data: bytes) -> int:
     return zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
-@_check("ftp.ends_a_session")
+@_check()
 def ends_a_session(vehicle: VehicleUnderTest) -> str:
     """A read from a session after its TerminateSession is refused."""
     with _client(vehicle) as client:
@@ -195,7 +195,7 @@ def ends_a_session(vehicle: VehicleUnderTest) -> str:
     return _refused(answer)
 
 
-@_check("ftp.packed_parameters", dialects=("ardupilot",))
+@_check(dialects=("ardupilot",))
 def packed_parameters(vehicle: VehicleUnderTest) -> str:
     """@PARAM/param.pck begins with its magic, and its total agrees with the parameter list within 2."""
     with _client(vehicle) as client:
@@ -228,7 +228,7 @@ def _fetch(vehicle: VehicleUnderTest, uri: str) -> tuple[bytes, Any]:
     return data, json.loads(lzma.decompress(data) if uri.endswith(".xz") else data)
 
 
-@check("component.metadata_is_announced")
+@check("component")
 def metadata_is_announced(vehicle: VehicleUnderTest) -> str:
     """COMPONENT_METADATA names a file."""
     _, uri = _metadata(vehicle)
@@ -236,11 +236,8 @@ def metadata_is_announced(vehicle: VehicleUnderTest) -> str:
     return uri
 
 
-@check(
-    "component.general_file_is_valid",
-    source="PX4 generate_crc.py: the checksum of the file before its compression",
-)
-def general_file(vehicle: VehicleUnderTest) -> str:
+@check("component", source="PX4 generate_crc.py: the checksum of the file before its compression")
+def general_file_is_valid(vehicle: VehicleUnderTest) -> str:
     """The general file, before its compression, has the announced checksum, and lists metadata by type."""
     crc, uri = _metadata(vehicle)
     data, content = _fetch(vehicle, uri)
@@ -251,8 +248,8 @@ def general_file(vehicle: VehicleUnderTest) -> str:
     return f"types {[entry['type'] for entry in entries]}"
 
 
-@check("component.parameter_file_is_valid")
-def parameter_file(vehicle: VehicleUnderTest) -> str:
+@check("component")
+def parameter_file_is_valid(vehicle: VehicleUnderTest) -> str:
     """The parameter file describes at least 90 % of the vehicle's parameters."""
     _, uri = _metadata(vehicle)
     _, general = _fetch(vehicle, uri)

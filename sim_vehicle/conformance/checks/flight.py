@@ -30,8 +30,8 @@ _copter_check = partial(check, airborne=True, kind="copter")
 _plane_check = partial(check, airborne=True, kind="plane")
 
 
-@check("flight.takeoff.leaves_the_ground", needs=[ARM], kind="copter")
-def takeoff_landed_state(vehicle: VehicleUnderTest) -> str:
+@check("flight.takeoff", needs=[ARM], kind="copter")
+def leaves_the_ground(vehicle: VehicleUnderTest) -> str:
     """In a take-off landed_state changes from ON_GROUND to IN_AIR, without LANDING in between."""
     flying.ensure_landed(vehicle)
     vehicle.set_interval("EXTENDED_SYS_STATE", 10)
@@ -45,8 +45,8 @@ def takeoff_landed_state(vehicle: VehicleUnderTest) -> str:
     return " ".join(mavlink.enums["MAV_LANDED_STATE"][s].name.removeprefix("MAV_LANDED_STATE_") for s in seen)
 
 
-@_check("flight.status_is_active")
-def status_active(vehicle: VehicleUnderTest) -> None:
+@_check("flight")
+def status_is_active(vehicle: VehicleUnderTest) -> None:
     """In the air system_status is ACTIVE and the armed flag is set."""
     vehicle.expect("HEARTBEAT", within_s=3)
     vehicle.wait(1.0)
@@ -54,8 +54,8 @@ def status_active(vehicle: VehicleUnderTest) -> None:
     holds(vehicle.armed, "the vehicle is not armed")
 
 
-@_check("flight.disarm_is_refused", source="AUTOPILOTS 1.14: Disarm in flight")
-def disarm_refused(vehicle: VehicleUnderTest) -> str:
+@_check("flight", source="AUTOPILOTS 1.14: Disarm in flight")
+def disarm_is_refused(vehicle: VehicleUnderTest) -> str:
     """Disarming in flight without force is refused."""
     if vehicle.dialect.refusal is None:
         raise Skip("the behaviour of this autopilot is unknown")
@@ -65,8 +65,8 @@ def disarm_refused(vehicle: VehicleUnderTest) -> str:
     return equal(result, vehicle.dialect.refusal, "disarming")
 
 
-@_copter_check("flight.hold.keeps_its_place", source="AUTOPILOTS 1.6: BRAKE, GUIDED hold altitude")
-def hold_keeps(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.hold", source="AUTOPILOTS 1.6: BRAKE, GUIDED hold altitude")
+def keeps_its_place(vehicle: VehicleUnderTest) -> str:
     """After 10 s in the hold mode, the position has changed by at most 2.5 m and the height by 1 m."""
     flying.set_mode(vehicle, "hold")
     flying.wait_until_still(vehicle, MAX_STOP_S, 0.5)
@@ -77,8 +77,8 @@ def hold_keeps(vehicle: VehicleUnderTest) -> str:
     return f"{moved_m:.2f} m"
 
 
-@_plane_check("flight.hold.circles")
-def hold_circles(vehicle: VehicleUnderTest) -> str:
+@_plane_check("flight.hold")
+def circles(vehicle: VehicleUnderTest) -> str:
     """In the hold mode a plane moves on, stays within 600 m, and keeps its height within 15 m."""
     flying.set_mode(vehicle, "hold")
     vehicle.wait(5.0)
@@ -93,12 +93,12 @@ def hold_circles(vehicle: VehicleUnderTest) -> str:
 
 
 @_copter_check(
-    "flight.mode.loiter_without_rc",
+    "flight.mode",
     needs=["simulator"],
     dialects=("ardupilot",),
     source="AUTOPILOTS 1.6: LOITER descended into the ground",
 )
-def loiter_sinks(vehicle: VehicleUnderTest) -> str:
+def loiter_without_rc(vehicle: VehicleUnderTest) -> str:
     """LOITER without an RC throttle descends more than 3 m in 3 s."""
     height_m = flying.height_m(vehicle)
     flying.set_mode(vehicle, "loiter")
@@ -108,8 +108,8 @@ def loiter_sinks(vehicle: VehicleUnderTest) -> str:
     return f"{at_least(sunk_m, 3.0, 'descent [m]'):.1f} m in 3 s"
 
 
-@_copter_check("flight.reposition.goes_there", source="AUTOPILOTS 1.17")
-def reposition_copter(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.reposition", source="AUTOPILOTS 1.17")
+def goes_there(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_INT moves the vehicle to a position and height."""
     target = plans.offset(flying.last_position(vehicle), NORTH_M, NORTH_M / 2)
     flying.go_to(vehicle, target, 25.0)
@@ -118,8 +118,8 @@ def reposition_copter(vehicle: VehicleUnderTest) -> str:
     return f"{took_s:.0f} s for {NORTH_M:g} m"
 
 
-@_plane_check("flight.reposition.circles_there")
-def reposition_plane(vehicle: VehicleUnderTest) -> str:
+@_plane_check("flight.reposition")
+def circles_there(vehicle: VehicleUnderTest) -> str:
     """After DO_REPOSITION a plane arrives at the new position and stays within 300 m."""
     target = plans.offset(flying.last_position(vehicle), 400.0, 0.0)
     flying.go_to(vehicle, target, 60.0)
@@ -129,8 +129,8 @@ def reposition_plane(vehicle: VehicleUnderTest) -> str:
     return f"arrived after {took_s:.0f} s"
 
 
-@_check("flight.reposition.changes_mode")
-def reposition_changes_mode(vehicle: VehicleUnderTest) -> str:
+@_check("flight.reposition")
+def changes_mode(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION takes a returning ArduPilot to GUIDED, and a returning PX4 to Hold."""
     role = vehicle.known(ardupilot="guided", px4="hold")
     flying.set_mode(vehicle, "return")
@@ -140,8 +140,8 @@ def reposition_changes_mode(vehicle: VehicleUnderTest) -> str:
     return f"{role} after {took_s:.1f} s"
 
 
-@_check("flight.reposition.by_command_long", source="AUTOPILOTS 1.17: LONG -> UNSUPPORTED")
-def reposition_long(vehicle: VehicleUnderTest) -> str:
+@_check("flight.reposition", source="AUTOPILOTS 1.17: LONG -> UNSUPPORTED")
+def by_command_long(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_LONG is UNSUPPORTED on ArduPilot and accepted by PX4."""
     expected = vehicle.known(ardupilot="UNSUPPORTED", px4=ACCEPTED)
     lat, lon = plans.offset(flying.last_position(vehicle), 10, 0)
@@ -150,14 +150,14 @@ def reposition_long(vehicle: VehicleUnderTest) -> str:
     return equal(seen, expected, "COMMAND_LONG")
 
 
-@_check("flight.reposition.impossible_place", dialects=("ardupilot",))
-def reposition_impossible(vehicle: VehicleUnderTest) -> str:
+@_check("flight.reposition", dialects=("ardupilot",))
+def impossible_place(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION to a latitude of 95 degrees is refused."""
     return refused(flying.reposition(vehicle, (950_000_000, flying.last_position(vehicle)[1]), 20.0))
 
 
-@_copter_check("flight.speed.is_kept")
-def speed_kept(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.speed")
+def is_kept(vehicle: VehicleUnderTest) -> str:
     """After DO_CHANGE_SPEED to 4 m/s the vehicle flies at that speed."""
     target = plans.offset(flying.last_position(vehicle), -90.0, 0.0)
     height_m = flying.height_m(vehicle)
@@ -170,8 +170,8 @@ def speed_kept(vehicle: VehicleUnderTest) -> str:
     return f"{mean_m_s:.2f} m/s"
 
 
-@_copter_check("flight.yaw.turns", dialects=("ardupilot",))
-def yaw_turns(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.yaw", dialects=("ardupilot",))
+def turns(vehicle: VehicleUnderTest) -> str:
     """CONDITION_YAW in GUIDED turns the nose to a heading."""
     heading_deg = vehicle.request("VFR_HUD").heading
     target_deg = (heading_deg + 90) % 360
@@ -185,7 +185,7 @@ def yaw_turns(vehicle: VehicleUnderTest) -> str:
     return f"{heading_deg} to {target_deg} deg in {took_s:.1f} s"
 
 
-@_copter_check("flight.pause", source="AUTOPILOTS 2: pause/continue (193)")
+@_copter_check("flight", source="AUTOPILOTS 2: pause/continue (193)")
 def pause(vehicle: VehicleUnderTest) -> str:
     """After an accepted DO_PAUSE_CONTINUE ArduPilot stands still; PX4 answers UNSUPPORTED."""
     expected = vehicle.known(ardupilot=None, px4="UNSUPPORTED")
@@ -197,12 +197,8 @@ def pause(vehicle: VehicleUnderTest) -> str:
     return seen
 
 
-@_check(
-    "flight.mission_mode_when_empty",
-    dialects=("ardupilot",),
-    source="AUTOPILOTS 1.9; ArduPlane mode_auto.cpp, ModeAuto::update",
-)
-def empty_mission(vehicle: VehicleUnderTest) -> str:
+@_check("flight", dialects=("ardupilot",), source="AUTOPILOTS 1.9; ArduPlane mode_auto.cpp, ModeAuto::update")
+def mission_mode_when_empty(vehicle: VehicleUnderTest) -> str:
     """AUTO with an empty mission is refused in the air; a plane accepts it and returns."""
     plans.upload_or_fail(vehicle, [])
     expected = ACCEPTED if vehicle.identity.kind == "plane" else "FAILED"
@@ -213,8 +209,8 @@ def empty_mission(vehicle: VehicleUnderTest) -> str:
     return seen
 
 
-@_copter_check("flight.land.can_be_broken_off")
-def land_broken_off(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.land")
+def can_be_broken_off(vehicle: VehicleUnderTest) -> str:
     """A change to the hold mode ends a landing in the air, and the vehicle keeps its height."""
     flying.set_mode(vehicle, "land")
     vehicle.wait(3.0)
@@ -227,8 +223,8 @@ def land_broken_off(vehicle: VehicleUnderTest) -> str:
     return f"at {height_m:.1f} m"
 
 
-@_copter_check("flight.return.comes_home")
-def return_home(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.return")
+def comes_home(vehicle: VehicleUnderTest) -> str:
     """After RETURN_TO_LAUNCH the vehicle lands within 5 m of home and disarms."""
     target = flying.home(vehicle)
     away = plans.offset(target, 30.0, 0.0)
@@ -241,8 +237,8 @@ def return_home(vehicle: VehicleUnderTest) -> str:
     return f"{off_m:.2f} m from home after {took_s:.0f} s"
 
 
-@check("flight.return.circles_home", airborne=True, kind="plane")
-def return_plane(vehicle: VehicleUnderTest) -> str:
+@check("flight.return", airborne=True, kind="plane")
+def circles_home(vehicle: VehicleUnderTest) -> str:
     """After RETURN_TO_LAUNCH a plane flies home, and is within 400 m of home 10 s later."""
     target = flying.home(vehicle)
     vehicle.expect_accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
@@ -252,8 +248,8 @@ def return_plane(vehicle: VehicleUnderTest) -> str:
     return f"near home after {took_s:.0f} s"
 
 
-@check("flight.takeoff.reaches_the_height", needs=[ARM], kind="copter")
-def takeoff_height(vehicle: VehicleUnderTest) -> str:
+@check("flight.takeoff", needs=[ARM], kind="copter")
+def reaches_the_height(vehicle: VehicleUnderTest) -> str:
     """After NAV_TAKEOFF the vehicle climbs to the given height and stays there."""
     flying.start_streams(vehicle)
     flying.arm(vehicle)
@@ -263,8 +259,8 @@ def takeoff_height(vehicle: VehicleUnderTest) -> str:
     return f"{flying.height_m(vehicle):.1f} m after {took_s:.0f} s"
 
 
-@_copter_check("flight.land.comes_down")
-def land_comes_down(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.land")
+def comes_down(vehicle: VehicleUnderTest) -> str:
     """After NAV_LAND the vehicle lands within 4 m and disarms, and landed_state is ON_GROUND."""
     place = flying.last_position(vehicle)
     vehicle.expect_accepted(mavlink.MAV_CMD_NAV_LAND)

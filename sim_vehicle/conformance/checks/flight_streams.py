@@ -22,8 +22,8 @@ _ardupilot_check = partial(_any_copter_check, dialects=("ardupilot",))
 _px4_check = partial(_any_copter_check, dialects=("px4",))
 
 
-@_ardupilot_check("flight.setpoint.position")
-def setpoint_position(vehicle: VehicleUnderTest) -> str:
+@_ardupilot_check("flight.setpoint")
+def position(vehicle: VehicleUnderTest) -> str:
     """SET_POSITION_TARGET_GLOBAL_INT in GUIDED moves the vehicle to a position."""
     target = plans.offset(flying.last_position(vehicle), 20.0, -20.0)
     setpoint = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, POSITION_ONLY, *target, 20.0, *[0.0] * 8
@@ -47,8 +47,8 @@ def _follow_setpoints(vehicle: VehicleUnderTest) -> None:
         equal(flying.try_mode(vehicle, "offboard"), ACCEPTED, "OFFBOARD")
 
 
-@_copter_check("flight.setpoint.velocity")
-def setpoint_velocity(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.setpoint")
+def velocity(vehicle: VehicleUnderTest) -> str:
     """The vehicle follows velocity set-points of 3 m/s north, sent at 5 Hz."""
     _follow_setpoints(vehicle)
     _stream_velocity(vehicle, 3.0, 15.0)  # PX4's SIH reaches its speed slowly, against drag
@@ -60,8 +60,8 @@ def setpoint_velocity(vehicle: VehicleUnderTest) -> str:
     return f"{message.vx / 100:.2f} m/s north"
 
 
-@_copter_check("flight.setpoint.follows")
-def setpoint_follows(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.setpoint")
+def follows(vehicle: VehicleUnderTest) -> str:
     """The vehicle keeps up with a position that moves south at 5 m/s, sent at 5 Hz with its velocity."""
     _follow_setpoints(vehicle)
     start, height_m = flying.last_position(vehicle), flying.height_m(vehicle)
@@ -84,8 +84,8 @@ def setpoint_follows(vehicle: VehicleUnderTest) -> str:
     return f"{at_most(away_m, MAX_BEHIND_M, 'distance from the position [m]'):.1f} m"
 
 
-@_copter_check("flight.setpoint.unknown_frame")
-def setpoint_unknown_frame(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.setpoint")
+def unknown_frame(vehicle: VehicleUnderTest) -> str:
     """A velocity in BODY_FRD, which neither autopilot knows, is not flown."""
     _follow_setpoints(vehicle)
     place = flying.last_position(vehicle)
@@ -95,8 +95,8 @@ def setpoint_unknown_frame(vehicle: VehicleUnderTest) -> str:
     return f"{at_most(away_m, 3.0, 'movement [m]'):.2f} m"
 
 
-@_copter_check("flight.setpoint.times_out")
-def setpoint_times_out(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.setpoint")
+def times_out(vehicle: VehicleUnderTest) -> str:
     """The vehicle stops within 10 s after the last velocity set-point (PX4: COM_OBL_RC_ACT 5, hold)."""
     # By default PX4 enters its position mode, which without manual control does not brake.
     with vehicle.known(ardupilot=nullcontext(), px4=parameters.changed(vehicle, "COM_OBL_RC_ACT", 5)):
@@ -106,8 +106,8 @@ def setpoint_times_out(vehicle: VehicleUnderTest) -> str:
         return f"after {took_s:.1f} s"
 
 
-@_copter_check("flight.setpoint.needs_its_mode")
-def setpoint_needs_mode(vehicle: VehicleUnderTest) -> str:
+@_copter_check("flight.setpoint")
+def needs_its_mode(vehicle: VehicleUnderTest) -> str:
     """In the hold mode the vehicle ignores velocity set-points."""
     flying.set_mode(vehicle, "hold")
     vehicle.wait(2.0)
@@ -116,8 +116,8 @@ def setpoint_needs_mode(vehicle: VehicleUnderTest) -> str:
     return f"{at_most(flying.distance_to_m(vehicle, place), 2.5, 'movement [m]'):.2f} m"
 
 
-@_px4_check("flight.offboard.returns")
-def offboard_returns(vehicle: VehicleUnderTest) -> str:
+@_px4_check("flight.offboard")
+def returns(vehicle: VehicleUnderTest) -> str:
     """Without set-points the vehicle leaves OFFBOARD, and returns to it when set-points return."""
     _follow_setpoints(vehicle)
     _stream_velocity(vehicle, 0.0, 2.0)  # until the heartbeat shows OFFBOARD
@@ -129,16 +129,16 @@ def offboard_returns(vehicle: VehicleUnderTest) -> str:
     return f"custom_mode {entered:#x}"
 
 
-@_px4_check("flight.offboard.needs_setpoints")
-def offboard_needs_setpoints(vehicle: VehicleUnderTest) -> str:
+@_px4_check("flight.offboard")
+def needs_setpoints(vehicle: VehicleUnderTest) -> str:
     """OFFBOARD without a stream of set-points is refused."""
     vehicle.wait(3.0)  # until earlier set-points have expired
     seen = flying.try_mode(vehicle, "offboard")
     return refused(seen)
 
 
-@_any_copter_check("flight.telemetry.velocity")
-def velocity(vehicle: VehicleUnderTest) -> str:
+@_any_copter_check("flight.telemetry")
+def velocity_(vehicle: VehicleUnderTest) -> str:
     """The distance by vx and vy agrees with the change of the position."""
     flying.reposition(vehicle, plans.offset(flying.last_position(vehicle), 60.0, 60.0), 20.0)
     vehicle.wait(3.0)
@@ -151,7 +151,7 @@ def velocity(vehicle: VehicleUnderTest) -> str:
     return f"{flown_m:.1f} m flown, {reported_m:.1f} m by velocity"
 
 
-@_any_copter_check("flight.telemetry.local_position")
+@_any_copter_check("flight.telemetry")
 def local_position(vehicle: VehicleUnderTest) -> str:
     """LOCAL_POSITION_NED moves with GLOBAL_POSITION_INT; z is down."""
     rates = {"LOCAL_POSITION_NED": 5.0, "GLOBAL_POSITION_INT": 5.0}
@@ -174,7 +174,7 @@ def local_position(vehicle: VehicleUnderTest) -> str:
     return f"{local_m:.1f} m"
 
 
-@_any_copter_check("flight.telemetry.climb")
+@_any_copter_check("flight.telemetry")
 def climb(vehicle: VehicleUnderTest) -> str:
     """In a climb vz is negative, VFR_HUD.climb is positive, and both agree within 0.6 m/s."""
     place = flying.last_position(vehicle)
@@ -190,7 +190,7 @@ def climb(vehicle: VehicleUnderTest) -> str:
     return f"{hud.climb:.2f} m/s"
 
 
-@check("flight.telemetry.airspeed", airborne=True, kind="plane")
+@check("flight.telemetry", airborne=True, kind="plane")
 def airspeed(vehicle: VehicleUnderTest) -> str:
     """The airspeed of a plane is 5 to 60 m/s, and the throttle a percentage."""
     hud = vehicle.sample({"VFR_HUD": 5.0}, 2.0)["VFR_HUD"][-1]
@@ -198,7 +198,7 @@ def airspeed(vehicle: VehicleUnderTest) -> str:
     return f"{airspeed_m_s:.1f} m/s, {within(hud.throttle, 0, 100, 'throttle [%]')} %"
 
 
-@check("flight.telemetry.battery", airborne=True)
+@check("flight.telemetry", airborne=True)
 def battery(vehicle: VehicleUnderTest) -> str:
     """In the air a current above 0.5 A flows, the consumption grows, and the remaining charge does not."""
     first = vehicle.request("BATTERY_STATUS")

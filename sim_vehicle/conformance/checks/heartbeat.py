@@ -41,14 +41,14 @@ def _name(enum: str, number: int) -> str:
     return str(entry.name)
 
 
-@check("heartbeat.arrives")
+@check("heartbeat")
 def arrives(vehicle: VehicleUnderTest) -> str:
     """A heartbeat arrives within 3 s."""
     vehicle.expect("HEARTBEAT", within_s=3.0)
     return f"system {vehicle.identity.sysid}, component {vehicle.identity.component}"
 
 
-@check("heartbeat.once_a_second", source="AUTOPILOTS 1.1: HEARTBEAT (1 Hz)")
+@check("heartbeat", source="AUTOPILOTS 1.1: HEARTBEAT (1 Hz)")
 def once_a_second(vehicle: VehicleUnderTest) -> str:
     """The mean rate is 1 Hz."""
     beats = _heartbeats(vehicle)
@@ -56,14 +56,14 @@ def once_a_second(vehicle: VehicleUnderTest) -> str:
     return f"{within(rate_hz, 0.8, 1.25, 'rate [Hz]'):.2f} Hz"
 
 
-@check("heartbeat.no_gaps")
+@check("heartbeat")
 def no_gaps(vehicle: VehicleUnderTest) -> str:
     """The gap between two heartbeats is less than 2 s."""
     gap_s = max((b.at_s - a.at_s for a, b in pairwise(_heartbeats(vehicle))), default=LISTEN_S)
     return f"longest gap {at_most(gap_s, 2.0, 'longest gap [s]'):.2f} s"
 
 
-@check("heartbeat.ids_in_range")
+@check("heartbeat")
 def ids_in_range(vehicle: VehicleUnderTest) -> str:
     """A vehicle's system id is 1 to 254, an autopilot's component id is 1."""
     sysid, component = vehicle.target
@@ -72,7 +72,7 @@ def ids_in_range(vehicle: VehicleUnderTest) -> str:
     return f"{sysid}, {component}"
 
 
-@check("heartbeat.type_is_a_vehicle")
+@check("heartbeat")
 def type_is_a_vehicle(vehicle: VehicleUnderTest) -> str:
     """The type is a known MAV_TYPE, and neither GCS nor GIMBAL."""
     name = _name("MAV_TYPE", vehicle.heartbeat.type)
@@ -80,7 +80,7 @@ def type_is_a_vehicle(vehicle: VehicleUnderTest) -> str:
     return name
 
 
-@check("heartbeat.custom_mode_flag")
+@check("heartbeat")
 def custom_mode_flag(vehicle: VehicleUnderTest) -> str:
     """base_mode has the flag for custom modes."""
     flags = vehicle.heartbeat.base_mode
@@ -88,7 +88,7 @@ def custom_mode_flag(vehicle: VehicleUnderTest) -> str:
     return f"base_mode {flags:#04x}"
 
 
-@check("heartbeat.mode_is_known", source="AUTOPILOTS 1.5")
+@check("heartbeat", source="AUTOPILOTS 1.5")
 def mode_is_known(vehicle: VehicleUnderTest) -> str:
     """custom_mode is in the range of this autopilot's mode numbers."""
     if not vehicle.dialect.modes:
@@ -101,13 +101,13 @@ def mode_is_known(vehicle: VehicleUnderTest) -> str:
     return mode_name(vehicle, vehicle.mode)
 
 
-@check("heartbeat.disarmed_on_the_ground")
-def disarmed(vehicle: VehicleUnderTest) -> None:
+@check("heartbeat")
+def disarmed_on_the_ground(vehicle: VehicleUnderTest) -> None:
     """The armed flag is clear before arming."""
     holds(not vehicle.armed, "the vehicle is armed")
 
 
-@check("heartbeat.system_status", source="AUTOPILOTS 1.13")
+@check("heartbeat", source="AUTOPILOTS 1.13")
 def system_status(vehicle: VehicleUnderTest) -> str:
     """Before arming, system_status is a known MAV_STATE, and not ACTIVE."""
     name = _name("MAV_STATE", vehicle.heartbeat.system_status)
@@ -115,26 +115,26 @@ def system_status(vehicle: VehicleUnderTest) -> str:
     return name
 
 
-@check("heartbeat.says_protocol_version")
+@check("heartbeat")
 def says_protocol_version(vehicle: VehicleUnderTest) -> str:
     """mavlink_version is 3."""
     return str(equal(vehicle.expect("HEARTBEAT", within_s=3).mavlink_version, 3, "mavlink_version"))
 
 
-@check("heartbeat.autopilot_is_known")
+@check("heartbeat")
 def autopilot_is_known(vehicle: VehicleUnderTest) -> str:
     """The autopilot is a known MAV_AUTOPILOT."""
     return _name("MAV_AUTOPILOT", vehicle.heartbeat.autopilot)
 
 
-@check("heartbeat.goes_on_without_a_station")
+@check("heartbeat")
 def goes_on_without_a_station(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends heartbeats while the station is silent."""
     vehicle.heartbeats_off = True
     return f"{at_least(len(_heartbeats(vehicle, 6.0)), 4, 'heartbeats in 6 s')} in 6 s"
 
 
-@check("heartbeat.frames_are_mavlink2")
+@check("heartbeat")
 def frames_are_mavlink2(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends only MAVLink 2 frames to a station that sends MAVLink 2."""
     frames = _frames(vehicle, 3.0, 2)
@@ -142,7 +142,7 @@ def frames_are_mavlink2(vehicle: VehicleUnderTest) -> str:
     return f"{len(frames)} frames"
 
 
-@check("heartbeat.sequence_numbers_count")
+@check("heartbeat")
 def sequence_numbers_count(vehicle: VehicleUnderTest) -> str:
     """Sequence numbers of the autopilot increase by one; at most 5 % of the numbers are missing."""
     with vehicle.streaming({"ATTITUDE": 10.0}):
@@ -152,7 +152,7 @@ def sequence_numbers_count(vehicle: VehicleUnderTest) -> str:
     return f"{len(frames)} frames, {missing} missing"
 
 
-@check("heartbeat.payloads_are_trimmed")
+@check("heartbeat")
 def payloads_are_trimmed(vehicle: VehicleUnderTest) -> str:
     """MAVLink 2 payloads have no trailing zeros, as the specification demands."""
     with vehicle.streaming({"ATTITUDE": 5.0, "SYS_STATUS": 5.0}):
@@ -162,7 +162,7 @@ def payloads_are_trimmed(vehicle: VehicleUnderTest) -> str:
     return f"{len(frames)} frames"
 
 
-@check("heartbeat.nothing_but_mavlink")
+@check("heartbeat")
 def nothing_but_mavlink(vehicle: VehicleUnderTest) -> None:
     """Between boots the link carries only frames."""
     vehicle.wait(3.0)
@@ -174,13 +174,13 @@ def _version(vehicle: VehicleUnderTest) -> Any:
     return vehicle.request("AUTOPILOT_VERSION")
 
 
-@check("version.by_request_message")
+@check("version")
 def by_request_message(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends AUTOPILOT_VERSION for REQUEST_MESSAGE."""
     return f"capabilities {_version(vehicle).capabilities:#x}"
 
 
-@check("version.by_request_capabilities")
+@check("version")
 def by_request_capabilities(vehicle: VehicleUnderTest) -> None:
     """The vehicle sends AUTOPILOT_VERSION for an accepted REQUEST_AUTOPILOT_CAPABILITIES."""
     mark = vehicle.mark()
@@ -190,7 +190,7 @@ def by_request_capabilities(vehicle: VehicleUnderTest) -> None:
     vehicle.expect("AUTOPILOT_VERSION", mark=mark)
 
 
-@check("version.by_old_message")
+@check("version")
 def by_old_message(vehicle: VehicleUnderTest) -> None:
     """ArduPilot answers AUTOPILOT_VERSION_REQUEST with AUTOPILOT_VERSION, PX4 not at all."""
     answered = vehicle.known(ardupilot=True, px4=False)
@@ -199,14 +199,14 @@ def by_old_message(vehicle: VehicleUnderTest) -> None:
     equal(version is not None, answered, "AUTOPILOT_VERSION is sent")
 
 
-@check("version.same_every_time")
+@check("version")
 def same_every_time(vehicle: VehicleUnderTest) -> None:
     """Two AUTOPILOT_VERSION messages are equal."""
     first = _version(vehicle).to_dict()
     equal(_version(vehicle).to_dict(), first, "AUTOPILOT_VERSION")
 
 
-@check("version.software_is_named")
+@check("version")
 def software_is_named(vehicle: VehicleUnderTest) -> str:
     """flight_sw_version has a version above 0 and a known kind of release."""
     value = _version(vehicle).flight_sw_version
@@ -215,7 +215,7 @@ def software_is_named(vehicle: VehicleUnderTest) -> str:
     return f"{version_text(value)} {RELEASES[value & 0xFF]}"
 
 
-@check("version.has_an_identity")
+@check("version")
 def has_an_identity(vehicle: VehicleUnderTest) -> str:
     """uid or uid2 is not 0."""
     version = _version(vehicle)
@@ -239,7 +239,7 @@ checks(
 )  # fmt: skip
 
 
-@check("version.claims_a_parameter_encoding", source="AUTOPILOTS 1.16")
+@check("version", source="AUTOPILOTS 1.16")
 def claims_a_parameter_encoding(vehicle: VehicleUnderTest) -> str:
     """An encoding of parameters is claimed and agrees with the known encoding of the autopilot."""
     as_bytes = vehicle.identity.claims("PARAM_ENCODE_BYTEWISE")
@@ -250,7 +250,7 @@ def claims_a_parameter_encoding(vehicle: VehicleUnderTest) -> str:
     return "byte-wise" if as_bytes else "float"
 
 
-@check("version.protocol_version")
+@check("version")
 def protocol_version(vehicle: VehicleUnderTest) -> str:
     """PROTOCOL_VERSION, where supported, has version 200 (2.0) within its range."""
     seen = vehicle.request("PROTOCOL_VERSION")

@@ -42,7 +42,7 @@ def _away_m(vehicle: VehicleUnderTest, place: Any, limit_m: float) -> float:
     return at_most(away_m, limit_m, "distance from the vehicle [m]")
 
 
-@check("home.by_request_message")
+@check("home")
 def by_request_message(vehicle: VehicleUnderTest) -> str:
     """A vehicle with a position estimate sends HOME_POSITION on request."""
     home = _home(vehicle)
@@ -50,7 +50,7 @@ def by_request_message(vehicle: VehicleUnderTest) -> str:
     return f"{home.latitude / 1e7:.5f}, {home.longitude / 1e7:.5f}, {home.altitude / 1000:.1f} m"
 
 
-@check("home.by_get_home_position")
+@check("home")
 def by_get_home_position(vehicle: VehicleUnderTest) -> None:
     """GET_HOME_POSITION, where supported, brings HOME_POSITION."""
     mark = vehicle.mark()
@@ -60,13 +60,13 @@ def by_get_home_position(vehicle: VehicleUnderTest) -> None:
     vehicle.expect("HOME_POSITION", mark=mark)
 
 
-@check("home.is_near_the_vehicle")
-def is_near(vehicle: VehicleUnderTest) -> str:
+@check("home")
+def is_near_the_vehicle(vehicle: VehicleUnderTest) -> str:
     """Before a flight, home is within 100 m of the vehicle."""
     return f"{_away_m(vehicle, _home(vehicle), 100):.1f} m"
 
 
-@check("home.set_to_here")
+@check("home")
 def set_to_here(vehicle: VehicleUnderTest) -> str:
     """DO_SET_HOME with 1 as parameter 1 sets home to the vehicle's position, within 5 m."""
     with _home_restored(vehicle):
@@ -76,7 +76,7 @@ def set_to_here(vehicle: VehicleUnderTest) -> str:
         return f"{_away_m(vehicle, home, 5):.2f} m away"
 
 
-@check("home.set_to_a_place")
+@check("home")
 def set_to_a_place(vehicle: VehicleUnderTest) -> None:
     """DO_SET_HOME as COMMAND_INT sets home within 5 cm, and HOME_POSITION reports the new home."""
     with _home_restored(vehicle) as before:
@@ -89,8 +89,8 @@ def set_to_a_place(vehicle: VehicleUnderTest) -> None:
         near(home.altitude / 1000, z, 0.1, "altitude")
 
 
-@check("home.relative_altitude_follows")
-def relative_follows(vehicle: VehicleUnderTest) -> str:
+@check("home")
+def relative_altitude_follows(vehicle: VehicleUnderTest) -> str:
     """After DO_SET_HOME, relative_alt is the height above the new home."""
     with _home_restored(vehicle) as before:
         z = before.altitude / 1000 - 5.0
@@ -101,14 +101,14 @@ def relative_follows(vehicle: VehicleUnderTest) -> str:
     return f"{message.relative_alt / 1000:.1f} m"
 
 
-@check("home.impossible_place", dialects=("ardupilot", "mavlink"))
+@check("home", dialects=("ardupilot", "mavlink"))
 def impossible_place(vehicle: VehicleUnderTest) -> str:
     """DO_SET_HOME to a latitude of 95 degrees is refused."""
     with _home_restored(vehicle) as before:
         return refused(_set_home(vehicle, 950_000_000, before.longitude, 0.0))
 
 
-@check("home.global_origin")
+@check("home")
 def global_origin(vehicle: VehicleUnderTest) -> str:
     """GPS_GLOBAL_ORIGIN, the origin of the local frame, is within 1 km of the vehicle."""
     _home(vehicle)

@@ -81,16 +81,16 @@ def _end_transfer(vehicle: VehicleUnderTest) -> None:
     vehicle.send(mavlink.MAVLink_log_request_end_message(*vehicle.target))
 
 
-@check("logs.list")
-def log_list(vehicle: VehicleUnderTest) -> str:
+@check("logs")
+def list_(vehicle: VehicleUnderTest) -> str:
     """LOG_REQUEST_LIST brings a LOG_ENTRY for each log; without logs, a LOG_ENTRY with num_logs 0."""
     found = _entries(vehicle)
     _end_transfer(vehicle)
     return f"{len(found)} logs"
 
 
-@check("logs.list_is_consistent")
-def consistent(vehicle: VehicleUnderTest) -> str:
+@check("logs")
+def list_is_consistent(vehicle: VehicleUnderTest) -> str:
     """num_logs is the number of entries; last_log_num is the same in all, and no id exceeds it."""
     found = _entries(vehicle)
     _end_transfer(vehicle)
@@ -102,8 +102,8 @@ def consistent(vehicle: VehicleUnderTest) -> str:
     return f"ids {min(found)} to {max(found)}"
 
 
-@check("logs.begins_with_its_format")
-def begins(vehicle: VehicleUnderTest) -> str:
+@check("logs")
+def begins_with_its_format(vehicle: VehicleUnderTest) -> str:
     """A log has the header of a DataFlash log (ArduPilot) or a ULog (PX4)."""
     head = vehicle.known(ardupilot=DATAFLASH_HEAD, px4=ULOG_HEAD)
     entry = _newest(vehicle)
@@ -113,8 +113,8 @@ def begins(vehicle: VehicleUnderTest) -> str:
     return str(head[:4].hex(" "))
 
 
-@check("logs.reads_same_twice")
-def same_in_one_or_two_reads(vehicle: VehicleUnderTest) -> str:
+@check("logs")
+def reads_same_twice(vehicle: VehicleUnderTest) -> str:
     """A part of a log has the same bytes in one read as in two reads."""
     entry = _newest(vehicle)
     size = min(PART_BYTES, entry.size)
@@ -126,7 +126,7 @@ def same_in_one_or_two_reads(vehicle: VehicleUnderTest) -> str:
     return f"{size} bytes of log {entry.id}"
 
 
-@check("logs.end_of_log")
+@check("logs")
 def end_of_log(vehicle: VehicleUnderTest) -> str:
     """A read beyond the end of a log brings only the bytes up to the size in LOG_ENTRY."""
     entry = _newest(vehicle)
@@ -140,7 +140,7 @@ def end_of_log(vehicle: VehicleUnderTest) -> str:
     return f"{len(seen)} bytes"
 
 
-@check("logs.unknown_id")
+@check("logs")
 def unknown_id(vehicle: VehicleUnderTest) -> None:
     """A request for a missing log brings no data."""
     _entries(vehicle)  # PX4 sends data only after a list request
@@ -151,8 +151,8 @@ def unknown_id(vehicle: VehicleUnderTest) -> None:
     equal(len(received), 0, "LOG_DATA with bytes")
 
 
-@check("logs.download_can_be_ended")
-def download_ends(vehicle: VehicleUnderTest) -> str:
+@check("logs")
+def download_can_be_ended(vehicle: VehicleUnderTest) -> str:
     """LOG_REQUEST_END ends a download before the end of the log."""
     entry = max(_entries(vehicle).values(), key=lambda found: found.size, default=None)
     if entry is None or entry.size <= BYTES_IN_FLIGHT:
@@ -173,7 +173,7 @@ def download_ends(vehicle: VehicleUnderTest) -> str:
     return f"after {received} of {entry.size} bytes"
 
 
-@check("logs.erase", needs=[ALTER])
+@check("logs", needs=[ALTER])
 def erase(vehicle: VehicleUnderTest) -> str:
     """Within 30 s of LOG_ERASE the vehicle has at most one log, the log in progress."""
     before = len(_entries(vehicle))

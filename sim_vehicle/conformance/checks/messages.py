@@ -66,10 +66,10 @@ checks(
 
 
 @check(
-    "messages.request.mission_current",
+    "messages.request",
     source="PX4 mavlink_mission.cpp, send_mission_current: no stream, so a request is DENIED",
 )
-def request_mission_current(vehicle: VehicleUnderTest) -> None:
+def mission_current(vehicle: VehicleUnderTest) -> None:
     """ArduPilot sends MISSION_CURRENT on request; PX4 answers DENIED and sends it once a second."""
     expected = vehicle.known(ardupilot=ACCEPTED, px4="DENIED")
     mark = vehicle.mark()
@@ -77,14 +77,14 @@ def request_mission_current(vehicle: VehicleUnderTest) -> None:
     vehicle.expect("MISSION_CURRENT", within_s=3.0, mark=mark)
 
 
-@check("messages.request.of_ardupilot", dialects=("ardupilot",))
+@check("messages.request", dialects=("ardupilot",))
 def of_ardupilot(vehicle: VehicleUnderTest) -> None:
     """ArduPilot sends, on request, further messages that ground stations show."""
     for kind in REQUESTED_OF_ARDUPILOT:
         _require(vehicle, kind)
 
 
-@check("messages.request.without_data", dialects=("ardupilot",))
+@check("messages.request", dialects=("ardupilot",))
 def without_data(vehicle: VehicleUnderTest) -> None:
     """ArduPilot accepts a request for a message that it knows and has no data for, and sends nothing."""
     mark = vehicle.mark()
@@ -93,7 +93,7 @@ def without_data(vehicle: VehicleUnderTest) -> None:
     equal(len(vehicle.since(mark, WITHOUT_DATA)), 0, WITHOUT_DATA)
 
 
-@check("messages.request.sends_one")
+@check("messages.request")
 def sends_one(vehicle: VehicleUnderTest) -> None:
     """The vehicle answers one request with one message, without a stream."""
     vehicle.set_interval("BATTERY_STATUS", -1)
@@ -142,7 +142,7 @@ checks(
 )
 
 
-@check("messages.interval.stops")
+@check("messages.interval")
 def stops(vehicle: VehicleUnderTest) -> None:
     """An interval of -1 stops the stream."""
     with vehicle.streaming({"ATTITUDE": 5.0}):
@@ -152,7 +152,7 @@ def stops(vehicle: VehicleUnderTest) -> None:
         vehicle.expect_none("ATTITUDE", during_s=2.0)
 
 
-@check("messages.interval.default")
+@check("messages.interval")
 def default(vehicle: VehicleUnderTest) -> str:
     """An interval of 0 restores the default rate."""
     streams_unrequested = vehicle.known(ardupilot=False, px4=True)
@@ -177,24 +177,24 @@ def _reported_interval_us(vehicle: VehicleUnderTest, kind: str) -> int:
     return int(answer.interval_us)
 
 
-@check("messages.interval.is_reported")
-def interval_reported(vehicle: VehicleUnderTest) -> str:
+@check("messages.interval")
+def is_reported(vehicle: VehicleUnderTest) -> str:
     """GET_MESSAGE_INTERVAL reports the requested interval."""
     with vehicle.streaming({"VFR_HUD": 4.0}):
         seen_us = _reported_interval_us(vehicle, "VFR_HUD")
         return f"{near(seen_us, 250_000, 25_000, 'interval_us')} us"
 
 
-@check("messages.interval.reported_when_stopped")
-def stopped_interval_reported(vehicle: VehicleUnderTest) -> str:
+@check("messages.interval")
+def reported_when_stopped(vehicle: VehicleUnderTest) -> str:
     """GET_MESSAGE_INTERVAL of a stopped message reports -1 or 0."""
     with vehicle.streaming({"VFR_HUD": 4.0}):
         vehicle.set_interval("VFR_HUD", -1)
         return str(within(_reported_interval_us(vehicle, "VFR_HUD"), -1, 0, "interval_us"))
 
 
-@check("messages.interval.other_rates_are_kept")
-def intervals_are_independent(vehicle: VehicleUnderTest) -> str:
+@check("messages.interval")
+def other_rates_are_kept(vehicle: VehicleUnderTest) -> str:
     """Two messages with different intervals keep their rates."""
     with vehicle.streaming({"ATTITUDE": 2.0, "VFR_HUD": 5.0}):
         vehicle.wait(1.0)
@@ -205,7 +205,7 @@ def intervals_are_independent(vehicle: VehicleUnderTest) -> str:
     return f"{attitude_hz:.1f} and {hud_hz:.1f} Hz"
 
 
-@check("messages.interval.by_command_int")
+@check("messages.interval")
 def by_command_int(vehicle: VehicleUnderTest) -> str:
     """SET_MESSAGE_INTERVAL works as COMMAND_INT."""
     try:
@@ -218,7 +218,7 @@ def by_command_int(vehicle: VehicleUnderTest) -> str:
     return result
 
 
-_ardupilot_check = partial(check, dialects=("ardupilot",))
+_ardupilot_check = partial(check, "messages.streams", dialects=("ardupilot",))
 
 
 def _request_streams(vehicle: VehicleUnderTest, stream: int, rate_hz: int) -> None:
@@ -234,8 +234,8 @@ def _count_kinds(frames: Iterable[ReceivedFrame], *expected: str) -> str:
     return f"{len(seen)} kinds of message"
 
 
-@_ardupilot_check("messages.streams.position", source="AUTOPILOTS 1.1: REQUEST_DATA_STREAM works")
-def stream_position(vehicle: VehicleUnderTest) -> str:
+@_ardupilot_check(source="AUTOPILOTS 1.1: REQUEST_DATA_STREAM works")
+def position(vehicle: VehicleUnderTest) -> str:
     """REQUEST_DATA_STREAM of the position brings GLOBAL_POSITION_INT at the rate, within 25 %."""
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 4)
     vehicle.wait(1.0)
@@ -244,8 +244,8 @@ def stream_position(vehicle: VehicleUnderTest) -> str:
     return f"{near(seen_hz, 4.0, 1.0, 'GLOBAL_POSITION_INT a second'):.1f} Hz"
 
 
-@_ardupilot_check("messages.streams.all", source="AUTOPILOTS 1.1: id 0, 4 Hz")
-def stream_all(vehicle: VehicleUnderTest) -> str:
+@_ardupilot_check(source="AUTOPILOTS 1.1: id 0, 4 Hz")
+def all_(vehicle: VehicleUnderTest) -> str:
     """Stream id 0 at 4 Hz brings position, attitude, SYS_STATUS, VFR_HUD and GPS_RAW_INT."""
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 4)
     frames = vehicle.wait(3.0)
@@ -253,8 +253,8 @@ def stream_all(vehicle: VehicleUnderTest) -> str:
     return _count_kinds(frames, "GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS", "VFR_HUD", "GPS_RAW_INT")
 
 
-@_ardupilot_check("messages.streams.stop")
-def stream_stop(vehicle: VehicleUnderTest) -> None:
+@_ardupilot_check()
+def stop(vehicle: VehicleUnderTest) -> None:
     """REQUEST_DATA_STREAM with start_stop 0 ends a stream."""
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 5)
     vehicle.expect("ATTITUDE")
@@ -263,11 +263,7 @@ def stream_stop(vehicle: VehicleUnderTest) -> None:
     vehicle.expect_none("ATTITUDE", during_s=2.0)
 
 
-@check(
-    "messages.streams.sent_without_request",
-    dialects=("px4",),
-    source="AUTOPILOTS 2: streams flow without a request",
-)
-def default_streams(vehicle: VehicleUnderTest) -> str:
+@check("messages.streams", dialects=("px4",), source="AUTOPILOTS 2: streams flow without a request")
+def sent_without_request(vehicle: VehicleUnderTest) -> str:
     """PX4 streams attitude, position and SYS_STATUS without a request."""
     return _count_kinds(vehicle.wait(4.0), "ATTITUDE", "GLOBAL_POSITION_INT", "SYS_STATUS")

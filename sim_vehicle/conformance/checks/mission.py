@@ -34,15 +34,15 @@ def _expect_empty(vehicle: VehicleUnderTest) -> int:
     return int(within(plans.count(vehicle), 0, int(vehicle.dialect.home_item), "stored items"))
 
 
-@check("mission.upload.is_accepted")
+@check("mission.upload")
 def is_accepted(vehicle: VehicleUnderTest) -> str:
     """A small mission is accepted."""
     done = _upload_sample(vehicle)
     return f"{len(done.requests)} requests in {done.took_s:.2f} s"
 
 
-@check("mission.upload.asks_in_order")
-def requests_in_order(vehicle: VehicleUnderTest) -> None:
+@check("mission.upload")
+def asks_in_order(vehicle: VehicleUnderTest) -> None:
     """The vehicle requests the items in order, from 0."""
     items = plans.sample_plan(vehicle)
     seen = [seq for _, seq in plans.upload_or_fail(vehicle, items).requests]
@@ -51,7 +51,7 @@ def requests_in_order(vehicle: VehicleUnderTest) -> None:
     equal(seen, sorted(seen), "order")
 
 
-@check("mission.upload.kind_of_request", source="AUTOPILOTS 2: requests")
+@check("mission.upload", source="AUTOPILOTS 2: requests")
 def kind_of_request(vehicle: VehicleUnderTest) -> str:
     """ArduPilot requests items with MISSION_REQUEST, PX4 with MISSION_REQUEST_INT after its first request."""
     later = vehicle.known(ardupilot="MISSION_REQUEST", px4="MISSION_REQUEST_INT")
@@ -61,7 +61,7 @@ def kind_of_request(vehicle: VehicleUnderTest) -> str:
     return f"{first}, then {later}"
 
 
-@check("mission.upload.ack_is_addressed")
+@check("mission.upload")
 def ack_is_addressed(vehicle: VehicleUnderTest) -> str:
     """The acknowledgement has the station's system id and the mission type."""
     ack = _upload_sample(vehicle).ack
@@ -76,7 +76,7 @@ def _expect_near(items: list[Any], back: list[Any], degrees: float) -> None:
         at_most(off_m, AGREE_M, f"distance of item {seen.seq} [m]")
 
 
-@check("mission.upload.legacy_items", source="AUTOPILOTS 2: legacy float items also taken")
+@check("mission.upload", source="AUTOPILOTS 2: legacy float items also taken")
 def legacy_items(vehicle: VehicleUnderTest) -> str:
     """An upload with MISSION_ITEM (floats) is accepted, and read back within 3 m."""
     items = plans.sample_plan(vehicle)
@@ -85,7 +85,7 @@ def legacy_items(vehicle: VehicleUnderTest) -> str:
     return result
 
 
-@check("mission.upload.one_item")
+@check("mission.upload")
 def one_item(vehicle: VehicleUnderTest) -> str:
     """A mission of one take-off is accepted, and the vehicle reports its item count."""
     items = plans.plan(vehicle, plans.takeoff(plans.current_position(vehicle)))
@@ -93,7 +93,7 @@ def one_item(vehicle: VehicleUnderTest) -> str:
     return f"{equal(plans.count(vehicle), len(items), 'items')} items"
 
 
-@check("mission.upload.many_items")
+@check("mission.upload")
 def many_items(vehicle: VehicleUnderTest) -> str:
     """A mission of 100 items is accepted, and its commands and positions are read back exactly."""
     items = plans.sample_plan(vehicle, N_MANY_ITEMS, 30.0)
@@ -102,15 +102,15 @@ def many_items(vehicle: VehicleUnderTest) -> str:
     return f"{len(items)} items in {done.took_s:.2f} s"
 
 
-@check("mission.upload.replaces")
+@check("mission.upload")
 def replaces(vehicle: VehicleUnderTest) -> str:
     """A shorter mission replaces a longer mission."""
     plans.store_sample(vehicle, 8)
     return f"{len(plans.store(vehicle, plans.sample_plan(vehicle, 3)))} items"
 
 
-@check("mission.upload.no_items")
-def zero_items(vehicle: VehicleUnderTest) -> None:
+@check("mission.upload")
+def no_items(vehicle: VehicleUnderTest) -> None:
     """MISSION_COUNT 0 is accepted and leaves at most home."""
     plans.store_sample(vehicle)
     done = plans.upload_or_fail(vehicle, [])
@@ -118,8 +118,8 @@ def zero_items(vehicle: VehicleUnderTest) -> None:
     _expect_empty(vehicle)
 
 
-@check("mission.upload.is_announced_twice")
-def announced_twice(vehicle: VehicleUnderTest) -> None:
+@check("mission.upload")
+def is_announced_twice(vehicle: VehicleUnderTest) -> None:
     """A repeated MISSION_COUNT, as after a lost request, does not disturb the upload."""
     items = plans.sample_plan(vehicle)
     vehicle.send(plans.count_message(vehicle, len(items)))
@@ -127,14 +127,14 @@ def announced_twice(vehicle: VehicleUnderTest) -> None:
     plans.store(vehicle, items)
 
 
-@check("mission.download.counts_what_was_sent", source="AUTOPILOTS 2: count")
-def counts(vehicle: VehicleUnderTest) -> str:
+@check("mission.download", source="AUTOPILOTS 2: count")
+def counts_what_was_sent(vehicle: VehicleUnderTest) -> str:
     """MISSION_COUNT is the number of uploaded items (ArduPilot: with home)."""
     n_items = len(plans.store_sample(vehicle))
     return str(equal(plans.count(vehicle), n_items, "MISSION_COUNT"))
 
 
-@check("mission.download.places_are_exact")
+@check("mission.download")
 def places_are_exact(vehicle: VehicleUnderTest) -> None:
     """Commands, latitudes and longitudes are read back exactly, altitudes to the centimetre."""
     items = plans.sample_plan(vehicle)
@@ -143,7 +143,7 @@ def places_are_exact(vehicle: VehicleUnderTest) -> None:
         near(seen.z, sent.z, 0.011, f"z of item {seen.seq}")
 
 
-@check("mission.download.is_numbered")
+@check("mission.download")
 def is_numbered(vehicle: VehicleUnderTest) -> None:
     """Each item has its sequence number, the mission type and the station's system id."""
     plans.store_sample(vehicle)
@@ -153,14 +153,14 @@ def is_numbered(vehicle: VehicleUnderTest) -> None:
     equal(addresses, {(STATION[0], MISSION)}, "target and type")
 
 
-@check("mission.download.legacy_request", dialects=KNOWN)
+@check("mission.download", dialects=KNOWN)
 def legacy_request(vehicle: VehicleUnderTest) -> None:
     """MISSION_REQUEST is answered by MISSION_ITEM (floats), within 3 m of the uploaded position."""
     items = plans.store_sample(vehicle)
     _expect_near(items, plans.download(vehicle, as_float=True), 1e7)
 
 
-@check("mission.download.same_twice")
+@check("mission.download")
 def same_twice(vehicle: VehicleUnderTest) -> str:
     """Two downloads give the same items, apart from item 0."""
     plans.store_sample(vehicle)
@@ -168,8 +168,8 @@ def same_twice(vehicle: VehicleUnderTest) -> str:
     return f"{len(equal(second, first, 'items')) + 1} items"
 
 
-@check("mission.download.item_asked_twice")
-def item_requested_again(vehicle: VehicleUnderTest) -> None:
+@check("mission.download")
+def item_asked_twice(vehicle: VehicleUnderTest) -> None:
     """The vehicle sends an item at each request."""
     plans.store_sample(vehicle)
     plans.open_list(vehicle)
@@ -179,14 +179,14 @@ def item_requested_again(vehicle: VehicleUnderTest) -> None:
     plans.end_download(vehicle)
 
 
-@check("mission.download.by_second_station")
+@check("mission.download")
 def by_second_station(vehicle: VehicleUnderTest) -> str:
     """A second station reads the same mission."""
     items = plans.store_sample(vehicle)
     return f"{len(plans.expect_stored(vehicle, items, source=SECOND_STATION))} items"
 
 
-@check("mission.download.item_zero", source="AUTOPILOTS 2: item 0 is home")
+@check("mission.download", source="AUTOPILOTS 2: item 0 is home")
 def item_zero(vehicle: VehicleUnderTest) -> None:
     """Item 0 is home on ArduPilot, even after the upload of another item 0, and an ordinary item on PX4."""
     is_home = vehicle.known(ardupilot=True, px4=False)
@@ -200,7 +200,7 @@ def item_zero(vehicle: VehicleUnderTest) -> None:
     at_most(plans.distance_m((first.x, first.y), flying.home(vehicle)), 1, "distance from home [m]")
 
 
-@check("mission.download.beyond_the_end")
+@check("mission.download")
 def beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """A request for a missing item is refused with an acknowledgement."""
     plans.store_sample(vehicle)
@@ -212,8 +212,8 @@ def beyond_the_end(vehicle: VehicleUnderTest) -> str:
     return refused(result)
 
 
-@check("mission.download.another_vehicles")
-def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> None:
+@check("mission.download")
+def another_vehicles(vehicle: VehicleUnderTest) -> None:
     """The vehicle does not answer a mission request to another system."""
     plans.store_sample(vehicle)
     plans.count(vehicle)  # confirms that the vehicle answers
@@ -222,7 +222,7 @@ def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> None:
     vehicle.expect_none("MISSION_COUNT", during_s=1.5, mark=mark)
 
 
-@check("mission.clear.empties")
+@check("mission.clear")
 def empties(vehicle: VehicleUnderTest) -> str:
     """MISSION_CLEAR_ALL is accepted and leaves at most home."""
     plans.store_sample(vehicle)
@@ -230,15 +230,15 @@ def empties(vehicle: VehicleUnderTest) -> str:
     return f"{_expect_empty(vehicle)} items stored"
 
 
-@check("mission.clear.when_empty")
+@check("mission.clear")
 def when_empty(vehicle: VehicleUnderTest) -> str:
     """The vehicle accepts the clearing of an empty mission."""
     plans.clear(vehicle)
     return equal(plans.clear(vehicle), ACCEPTED, "MISSION_CLEAR_ALL")
 
 
-@check("mission.clear.all_types", source="AUTOPILOTS 2: types 2 / 3 / 255")
-def clear_all_types(vehicle: VehicleUnderTest) -> str:
+@check("mission.clear", source="AUTOPILOTS 2: types 2 / 3 / 255")
+def all_types(vehicle: VehicleUnderTest) -> str:
     """MISSION_CLEAR_ALL of type 255 clears the mission on PX4, and is UNSUPPORTED on ArduPilot."""
     expected, clears = vehicle.known(ardupilot=("UNSUPPORTED", False), px4=(ACCEPTED, True))
     n_items = len(plans.store_sample(vehicle))
@@ -247,10 +247,7 @@ def clear_all_types(vehicle: VehicleUnderTest) -> str:
     return equal(mission_result_name(ack.type), expected, "MISSION_CLEAR_ALL of 255")
 
 
-@check(
-    "mission.target.other_component",
-    source="AUTOPILOTS 1.15: mission requests to comp 0, 77 or 190 are executed",
-)
+@check("mission.target", source="AUTOPILOTS 1.15: mission requests to comp 0, 77 or 190 are executed")
 def other_component(vehicle: VehicleUnderTest) -> None:
     """A mission request to component 77 is answered by ArduPilot and ignored by PX4."""
     executes = vehicle.known(ardupilot=True, px4=False)
@@ -260,8 +257,8 @@ def other_component(vehicle: VehicleUnderTest) -> None:
     plans.end_download(vehicle)
 
 
-@check("mission.type.plan_of_no_kind", source="AUTOPILOTS 2: types 2 / 3 / 255")
-def plan_of_type_3(vehicle: VehicleUnderTest) -> str:
+@check("mission.type", source="AUTOPILOTS 2: types 2 / 3 / 255")
+def plan_of_no_kind(vehicle: VehicleUnderTest) -> str:
     """A list request of type 3 is UNSUPPORTED on ArduPilot, and has count 0 on PX4."""
     refuses = vehicle.known(ardupilot=True, px4=False)
     mark = vehicle.send(plans.request_list(vehicle, 3))

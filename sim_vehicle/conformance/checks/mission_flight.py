@@ -16,14 +16,14 @@ from sim_vehicle.station.messages import PlanItem
 FLY_S = 270.0  # longest flight of the mission
 PASS_M = 4.0  # a waypoint within this distance counts as passed
 PAUSE_S, MAX_DRIFT_M = 5.0, 3.0  # length of a pause, and the longest way of a vehicle that stands still
-_ground_check = partial(check, needs=[ARM], kind="copter")
+_ground_check = partial(check, "mission-flight", needs=[ARM], kind="copter")
 _ardupilot_check = partial(_ground_check, dialects=("ardupilot",))
-_air_check = partial(check, airborne=True, kind="copter")
+_air_check = partial(check, "mission-flight", airborne=True, kind="copter")
 _ardupilot_air_check = partial(_air_check, dialects=("ardupilot",))
 _px4_air_check = partial(_air_check, dialects=("px4",))
 
 
-@_ground_check("mission-flight.flies_every_item", source="AUTOPILOTS 1.7")
+@_ground_check(source="AUTOPILOTS 1.7")
 def flies_every_item(vehicle: VehicleUnderTest) -> str:
     """By mission the vehicle takes off, passes the waypoints in order and height, reports them, and lands."""
     items = missions.items(vehicle)
@@ -53,7 +53,7 @@ def flies_every_item(vehicle: VehicleUnderTest) -> str:
     return f"{took_s:.0f} s, reached {reached}"
 
 
-@_air_check("mission-flight.counts_upwards")
+@_air_check()
 def counts_upwards(vehicle: VehicleUnderTest) -> str:
     """MISSION_CURRENT does not decrease during a mission."""
     plans.upload_or_fail(vehicle, missions.items(vehicle, landing=False))
@@ -67,7 +67,7 @@ def counts_upwards(vehicle: VehicleUnderTest) -> str:
     return f"{seen[0]} to {seen[-1]}"
 
 
-@_air_check("mission-flight.state_is_active", source="AUTOPILOTS 2: mission_state is 0 always (PX4)")
+@_air_check(source="AUTOPILOTS 2: mission_state is 0 always (PX4)")
 def state_is_active(vehicle: VehicleUnderTest) -> None:
     """During a mission, mission_state is ACTIVE on ArduPilot and 0 on PX4."""
     expected = vehicle.known(ardupilot=mavlink.MISSION_STATE_ACTIVE, px4=0)
@@ -77,7 +77,6 @@ def state_is_active(vehicle: VehicleUnderTest) -> None:
 
 
 @_ardupilot_check(
-    "mission-flight.after_landing",
     source="AUTOPILOTS 1.12: after landing+disarm MISSION_CURRENT goes back to seq 0, state 5; "
     "AP_Arming_Copter::disarm resets a mission that is not yet complete, which then begins at 1",
 )
@@ -96,7 +95,7 @@ def after_landing(vehicle: VehicleUnderTest) -> str:
     return f"seq {message.seq}"
 
 
-@_ardupilot_check("mission-flight.without_takeoff", source="AUTOPILOTS 1.8: Auto: Missing Takeoff Cmd")
+@_ardupilot_check(source="AUTOPILOTS 1.8: Auto: Missing Takeoff Cmd")
 def without_takeoff(vehicle: VehicleUnderTest) -> None:
     """An armed vehicle on the ground refuses AUTO, with a text, if the mission has no take-off."""
     place = plans.current_position(vehicle)
@@ -111,10 +110,7 @@ def without_takeoff(vehicle: VehicleUnderTest) -> None:
     vehicle.expect_text("Missing Takeoff", mark)
 
 
-@_ardupilot_check(
-    "mission-flight.auto_mode_does_not_take_off",
-    source="AUTOPILOTS 1.7: Arm + mode AUTO alone does not take off",
-)
+@_ardupilot_check(source="AUTOPILOTS 1.7: Arm + mode AUTO alone does not take off")
 def auto_mode_does_not_take_off(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle in AUTO stays on the ground and disarms within 25 s."""
     plans.upload_or_fail(vehicle, missions.items(vehicle))
@@ -127,11 +123,7 @@ def auto_mode_does_not_take_off(vehicle: VehicleUnderTest) -> str:
     return f"disarmed after {took_s + 5:.0f} s"
 
 
-@_ground_check(
-    "mission-flight.starts_when_armed",
-    dialects=("px4",),
-    source="AUTOPILOTS 2: armed in mission mode it starts by itself",
-)
+@_ground_check(dialects=("px4",), source="AUTOPILOTS 2: armed in mission mode it starts by itself")
 def starts_when_armed(vehicle: VehicleUnderTest) -> str:
     """In the mission mode, arming starts the flight."""
     plans.upload_or_fail(vehicle, missions.items(vehicle))
@@ -144,7 +136,7 @@ def starts_when_armed(vehicle: VehicleUnderTest) -> str:
     return f"3 m after {took_s:.0f} s"
 
 
-@_air_check("mission-flight.speed_item")
+@_air_check()
 def speed_item(vehicle: VehicleUnderTest) -> str:
     """DO_CHANGE_SPEED in a mission sets the speed of the next leg."""
     place = plans.current_position(vehicle)
@@ -157,11 +149,7 @@ def speed_item(vehicle: VehicleUnderTest) -> str:
     return f"{near(flying.mean_speed_m_s(vehicle, 3.0), 3.0, 0.7, 'mean speed [m/s]'):.2f} m/s"
 
 
-@_ardupilot_check(
-    "mission-flight.fence_breach",
-    claims=CLAIMS,
-    source="AUTOPILOTS 2: fence use: fly until the breach -> RTL",
-)
+@_ardupilot_check(claims=CLAIMS, source="AUTOPILOTS 2: fence use: fly until the breach -> RTL")
 def fence_breach(vehicle: VehicleUnderTest) -> str:
     """A mission that leaves the fence is accepted; after the breach the vehicle sends a text and returns."""
     if not parameters.has(vehicle, "FENCE_ACTION") or parameters.read(vehicle, "FENCE_ACTION").value != 1:
@@ -183,7 +171,7 @@ def fence_breach(vehicle: VehicleUnderTest) -> str:
     return f"RTL at {out_m:.0f} m"
 
 
-@check("mission-flight.plane_flies_every_item", needs=[ARM], kind="plane")
+@check("mission-flight", needs=[ARM], kind="plane")
 def plane_flies_every_item(vehicle: VehicleUnderTest) -> None:
     """A plane passes the waypoints of a mission in order and continues to fly."""
     flying.ensure_airborne(vehicle)
@@ -200,7 +188,7 @@ def plane_flies_every_item(vehicle: VehicleUnderTest) -> None:
     holds(vehicle.armed and flying.height_m(vehicle) > 20, "the vehicle descended or disarmed")
 
 
-@_air_check("mission-flight.jump_by_message")
+@_air_check()
 def jump_by_message(vehicle: VehicleUnderTest) -> str:
     """MISSION_SET_CURRENT in flight sends the vehicle back to the previous waypoint."""
     seq = missions.under_way(vehicle)
@@ -211,7 +199,7 @@ def jump_by_message(vehicle: VehicleUnderTest) -> str:
     return f"item {seq - 1} after {took_s:.0f} s"
 
 
-@_ardupilot_air_check("mission-flight.jump_by_command", source="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)")
+@_ardupilot_air_check(source="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)")
 def jump_by_command(vehicle: VehicleUnderTest) -> None:
     """DO_SET_MISSION_CURRENT in flight makes the previous waypoint current."""
     seq = missions.under_way(vehicle)
@@ -219,9 +207,7 @@ def jump_by_command(vehicle: VehicleUnderTest) -> None:
     missions.wait_until_current(vehicle, seq - 1, 3.0)
 
 
-@_air_check(
-    "mission-flight.pause_and_go_on", source="AUTOPILOTS 2: pause/continue (193) ACCEPTED, mission_state 4"
-)
+@_air_check(source="AUTOPILOTS 2: pause/continue (193) ACCEPTED, mission_state 4")
 def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
     """DO_PAUSE_CONTINUE (ArduPilot) or a change of mode (PX4) stops a mission, and the vehicle then goes on.
 
@@ -250,7 +236,7 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
     return f"stood within {moved_m:.1f} m, arrived {took_s:.0f} s later"
 
 
-@_air_check("mission-flight.clear_in_flight", source="AUTOPILOTS 2: CLEAR_ALL while flying the mission")
+@_air_check(source="AUTOPILOTS 2: CLEAR_ALL while flying the mission")
 def clear_in_flight(vehicle: VehicleUnderTest) -> None:
     """ArduPilot in AUTO answers MISSION_CLEAR_ALL with ERROR; PX4 accepts the message and holds."""
     expected = vehicle.known(ardupilot="ERROR", px4=ACCEPTED)
@@ -265,10 +251,7 @@ def clear_in_flight(vehicle: VehicleUnderTest) -> None:
     holds(vehicle.armed, "the vehicle disarmed")
 
 
-@_ardupilot_air_check(
-    "mission-flight.count_zero_in_flight",
-    source="AUTOPILOTS 2: COUNT 0 is accepted in AUTO, vehicle then loiters",
-)
+@_ardupilot_air_check(source="AUTOPILOTS 2: COUNT 0 is accepted in AUTO, vehicle then loiters")
 def count_zero_in_flight(vehicle: VehicleUnderTest) -> None:
     """An empty upload in AUTO is accepted, and the vehicle stops at its height."""
     missions.under_way(vehicle)
@@ -280,9 +263,7 @@ def count_zero_in_flight(vehicle: VehicleUnderTest) -> None:
     at_most(flying.speed_m_s(vehicle), 1.0, "speed [m/s]")
 
 
-@_air_check(
-    "mission-flight.upload_in_flight", dialects=KNOWN, source="AUTOPILOTS 2: re-upload in AUTO/mission mode"
-)
+@_air_check(dialects=KNOWN, source="AUTOPILOTS 2: re-upload in AUTO/mission mode")
 def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     """An upload in flight is accepted and keeps the current index; the vehicle flies to the new waypoint."""
     seq = missions.under_way(vehicle)
@@ -297,11 +278,8 @@ def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     return f"index {seq} kept, new waypoint after {took_s:.0f} s"
 
 
-@_px4_air_check(
-    "mission-flight.shorter_upload_in_flight",
-    source="AUTOPILOTS 2: shorter mission than the current index: index moved to last item",
-)
-def shorter_upload(vehicle: VehicleUnderTest) -> str:
+@_px4_air_check(source="AUTOPILOTS 2: shorter mission than the current index: index moved to last item")
+def shorter_upload_in_flight(vehicle: VehicleUnderTest) -> str:
     """The upload of a shorter mission in flight makes its last item current, and the vehicle flies there."""
     missions.under_way(vehicle)
     items = missions.items(vehicle, landing=False)[:2]
@@ -313,11 +291,8 @@ def shorter_upload(vehicle: VehicleUnderTest) -> str:
     return f"index {len(items) - 1}, arrived after {took_s:.0f} s"
 
 
-@_px4_air_check(
-    "mission-flight.abandoned_upload_in_flight",
-    source="AUTOPILOTS 2: upload is atomic? Yes: the old mission stays",
-)
-def abandoned_in_flight(vehicle: VehicleUnderTest) -> None:
+@_px4_air_check(source="AUTOPILOTS 2: upload is atomic? Yes: the old mission stays")
+def abandoned_upload_in_flight(vehicle: VehicleUnderTest) -> None:
     """An abandoned upload in flight does not interrupt the mission."""
     seq = missions.under_way(vehicle)
     mark = vehicle.send(plans.count_message(vehicle, 4))

@@ -18,7 +18,7 @@ CHECKED_S = 2.0  # longest time until PX4 has checked a new mission
 NO_MISSION_TOTAL = 65_535
 NO_SUCH_COMMAND = 31_900
 SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
-_ardupilot_check = partial(check, dialects=("ardupilot",))
+_ardupilot_check = partial(check, "mission.current", dialects=("ardupilot",))
 
 
 def _current(vehicle: VehicleUnderTest) -> Any:
@@ -30,8 +30,8 @@ def _has_been_current(vehicle: VehicleUnderTest, mark: int, seq: int) -> bool:
     return any(message.seq == seq for message in vehicle.since(mark, "MISSION_CURRENT"))
 
 
-@check("mission.current.total", source="AUTOPILOTS 2: MISSION_CURRENT.total does not include home")
-def current_total(vehicle: VehicleUnderTest) -> str:
+@check("mission.current", source="AUTOPILOTS 2: MISSION_CURRENT.total does not include home")
+def total(vehicle: VehicleUnderTest) -> str:
     """MISSION_CURRENT.total is the number of items without home; an unknown autopilot may report 0."""
     n_items = len(plans.store_sample(vehicle)) - int(vehicle.dialect.home_item)
     total = _current(vehicle).total
@@ -40,7 +40,7 @@ def current_total(vehicle: VehicleUnderTest) -> str:
     return str(equal(total, n_items, "total"))
 
 
-@check("mission.current.total_of_nothing", source="AUTOPILOTS 2: total 65535 with no mission")
+@check("mission.current", source="AUTOPILOTS 2: total 65535 with no mission")
 def total_of_nothing(vehicle: VehicleUnderTest) -> str:
     """Without a mission, total is 65535 on PX4 and 0 or 65535 on ArduPilot."""
     allowed = vehicle.known(ardupilot={0, NO_MISSION_TOTAL}, px4={NO_MISSION_TOTAL})
@@ -49,8 +49,8 @@ def total_of_nothing(vehicle: VehicleUnderTest) -> str:
     return str(one_of(_current(vehicle).total, allowed, "total"))
 
 
-@check("mission.current.state", source="AUTOPILOTS 2: mission_state is 0 always (PX4)")
-def current_state(vehicle: VehicleUnderTest) -> str:
+@check("mission.current", source="AUTOPILOTS 2: mission_state is 0 always (PX4)")
+def state(vehicle: VehicleUnderTest) -> str:
     """An upload changes mission_state from NO_MISSION to NOT_STARTED or COMPLETE; PX4 always reports 0."""
     empty, stored = vehicle.known(ardupilot=(1, (2, mavlink.MISSION_STATE_COMPLETE)), px4=(0, (0,)))
     plans.clear(vehicle)
@@ -62,7 +62,7 @@ def current_state(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "mission.current.set_by_message",
+    "mission.current",
     source="AUTOPILOTS 2: MISSION_SET_CURRENT (41) works; PX4 mavlink_mission.cpp, send: the result of the "
     "check after an upload, under a second later, brings back the old index",
 )
@@ -75,8 +75,8 @@ def set_by_message(vehicle: VehicleUnderTest) -> None:
         vehicle.wait_until(partial(_has_been_current, vehicle, mark, seq), f"MISSION_CURRENT {seq}", 3.0)
 
 
-@check("mission.current.beyond_the_end")
-def set_beyond_the_end(vehicle: VehicleUnderTest) -> str:
+@check("mission.current")
+def beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """MISSION_SET_CURRENT of a missing item does not make it current."""
     n_items = len(plans.store_sample(vehicle))
     flying.set_current(vehicle, n_items + 10)
@@ -84,7 +84,7 @@ def set_beyond_the_end(vehicle: VehicleUnderTest) -> str:
     return f"seq {within(_current(vehicle).seq, 0, n_items - 1, 'current item')}"
 
 
-@check("mission.current.set_by_command", source="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)")
+@check("mission.current", source="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)")
 def set_by_command(vehicle: VehicleUnderTest) -> None:
     """DO_SET_MISSION_CURRENT is accepted by ArduPilot as LONG and INT, and UNSUPPORTED on PX4."""
     expected = vehicle.known(ardupilot=ACCEPTED, px4="UNSUPPORTED")
@@ -95,14 +95,14 @@ def set_by_command(vehicle: VehicleUnderTest) -> None:
         equal(_current(vehicle).seq, 3, "seq")
 
 
-@_ardupilot_check("mission.current.command_beyond_the_end", source="AUTOPILOTS 2: out of range DENIED(2)")
+@_ardupilot_check(source="AUTOPILOTS 2: out of range DENIED(2)")
 def command_beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT of a missing item is DENIED."""
     beyond = len(plans.store_sample(vehicle)) + 10
     return equal(vehicle.command(SET_CURRENT, beyond), "DENIED", "DO_SET_MISSION_CURRENT")
 
 
-@_ardupilot_check("mission.current.command_restart", source="AUTOPILOTS 2: 0 = restart (goes to 1)")
+@_ardupilot_check(source="AUTOPILOTS 2: 0 = restart (goes to 1)")
 def command_restart(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT 0 is accepted, and item 0 or 1 becomes current."""
     plans.store_sample(vehicle)
@@ -162,7 +162,7 @@ checks(
 )  # fmt: skip
 
 
-@check("mission.error.too_many", source="AUTOPILOTS 2: error codes")
+@check("mission.error", source="AUTOPILOTS 2: error codes")
 def too_many(vehicle: VehicleUnderTest) -> str:
     """MISSION_COUNT 3000 is refused with NO_SPACE by ArduPilot; PX4 requests the first item."""
     refuses = vehicle.known(ardupilot=True, px4=False)
@@ -174,7 +174,7 @@ def too_many(vehicle: VehicleUnderTest) -> str:
     return "item 0 requested"
 
 
-@check("mission.error.item_without_upload")
+@check("mission.error")
 def item_without_upload(vehicle: VehicleUnderTest) -> str:
     """An item without an upload is refused and changes nothing."""
     items = plans.store_sample(vehicle)
@@ -257,11 +257,7 @@ checks(
 )  # fmt: skip
 
 
-@check(
-    "mission.readback.current_flag",
-    dialects=("ardupilot",),
-    source="AUTOPILOTS 2: current is 0 on every item",
-)
+@check("mission.readback", dialects=("ardupilot",), source="AUTOPILOTS 2: current is 0 on every item")
 def current_flag(vehicle: VehicleUnderTest) -> None:
     """The field `current` of every item is read back as 0."""
     plans.store_sample(vehicle)

@@ -27,8 +27,8 @@ def _bad_item(vehicle: VehicleUnderTest) -> PlanItem:
     return replace(plans.waypoint(plans.current_position(vehicle), 10, 10), command=NO_SUCH_COMMAND)
 
 
-@check("mission.trouble.asks_again", source="AUTOPILOTS 2: abandoned upload, re-request every 1 s / 0.25 s")
-def requests_again(vehicle: VehicleUnderTest) -> str:
+@check("mission.trouble", source="AUTOPILOTS 2: abandoned upload, re-request every 1 s / 0.25 s")
+def asks_again(vehicle: VehicleUnderTest) -> str:
     """A missing item is requested again: every 1 s by ArduPilot, every 0.25 s by PX4."""
     period_s = vehicle.known(ardupilot=1.0, px4=0.25)
     mark = _begin(vehicle)
@@ -40,7 +40,7 @@ def requests_again(vehicle: VehicleUnderTest) -> str:
     return f"every {near(seen_s, period_s, 0.4 * period_s, 'period of requests [s]'):.2f} s"
 
 
-@check("mission.trouble.late_item")
+@check("mission.trouble")
 def late_item(vehicle: VehicleUnderTest) -> str:
     """An upload continues when the missing item arrives after 2 s."""
     items = plans.sample_plan(vehicle)
@@ -54,7 +54,7 @@ def late_item(vehicle: VehicleUnderTest) -> str:
     return equal(mission_result_name(entry.message.type), ACCEPTED, "upload")
 
 
-@check("mission.trouble.gives_up", source="AUTOPILOTS 2: after 8 s ACK OPERATION_CANCELLED(15) / 5 s no ACK")
+@check("mission.trouble", source="AUTOPILOTS 2: after 8 s ACK OPERATION_CANCELLED(15) / 5 s no ACK")
 def gives_up(vehicle: VehicleUnderTest) -> str:
     """An abandoned upload ends after 8 s (ArduPilot: text and MISSION_ACK) or 5 s (PX4: text only)."""
     after_s, answers = vehicle.known(ardupilot=(8.0, ["OPERATION_CANCELLED"]), px4=(5.0, []))
@@ -68,7 +68,7 @@ def gives_up(vehicle: VehicleUnderTest) -> str:
     return f"after {last_s:.1f} s"
 
 
-@check("mission.trouble.abandoned_upload", source="AUTOPILOTS 2: upload is atomic?")
+@check("mission.trouble", source="AUTOPILOTS 2: upload is atomic?")
 def abandoned_upload(vehicle: VehicleUnderTest) -> None:
     """An abandoned upload leaves new and old items on ArduPilot, and the old mission on PX4."""
     atomic, ends_s = vehicle.known(ardupilot=(False, 11.0), px4=(True, 7.0))
@@ -79,7 +79,7 @@ def abandoned_upload(vehicle: VehicleUnderTest) -> None:
     plans.expect_stored(vehicle, old if atomic else [*new[:3], *old[3 : len(new)]])
 
 
-@check("mission.trouble.refused_item", source="AUTOPILOTS 2: a refused upload leaves a mixture")
+@check("mission.trouble", source="AUTOPILOTS 2: a refused upload leaves a mixture")
 def refused_item(vehicle: VehicleUnderTest) -> None:
     """A refused last item leaves new and old items on ArduPilot, and the old mission on PX4."""
     atomic = vehicle.known(ardupilot=False, px4=True)
@@ -90,7 +90,7 @@ def refused_item(vehicle: VehicleUnderTest) -> None:
     plans.expect_stored(vehicle, old if atomic else [*new[:-1], *old[len(new) - 1 : len(new)]])
 
 
-@check("mission.trouble.good_after_bad")
+@check("mission.trouble")
 def good_after_bad(vehicle: VehicleUnderTest) -> None:
     """After a refused upload, a valid upload is accepted at once."""
     takeoff = plans.takeoff(plans.current_position(vehicle))
@@ -98,7 +98,7 @@ def good_after_bad(vehicle: VehicleUnderTest) -> None:
     plans.store(vehicle, plans.sample_plan(vehicle))
 
 
-@check("mission.trouble.cancelled")
+@check("mission.trouble")
 def cancelled(vehicle: VehicleUnderTest) -> None:
     """After a cancelled upload the next upload is accepted."""
     _begin(vehicle)
@@ -106,7 +106,7 @@ def cancelled(vehicle: VehicleUnderTest) -> None:
     plans.store(vehicle, plans.sample_plan(vehicle, 4))
 
 
-@check("mission.trouble.duplicate_item", source="AUTOPILOTS 2: wrong / duplicate item")
+@check("mission.trouble", source="AUTOPILOTS 2: wrong / duplicate item")
 def duplicate_item(vehicle: VehicleUnderTest) -> str:
     """ArduPilot answers a repeated item with INVALID_SEQUENCE, PX4 ignores it; the upload continues."""
     is_answered = vehicle.known(ardupilot=True, px4=False)
@@ -129,10 +129,7 @@ def duplicate_item(vehicle: VehicleUnderTest) -> str:
     return f"{len(answers) - 1} INVALID_SEQUENCE, then ACCEPTED"
 
 
-@check(
-    "mission.trouble.last_item_again",
-    source="AUTOPILOTS 2: a repeated last item -> ERROR(1) / ACCEPTED again",
-)
+@check("mission.trouble", source="AUTOPILOTS 2: a repeated last item -> ERROR(1) / ACCEPTED again")
 def last_item_again(vehicle: VehicleUnderTest) -> str:
     """A last item, repeated as after a lost MISSION_ACK, is answered ERROR (ArduPilot) or ACCEPTED (PX4)."""
     expected = vehicle.known(ardupilot="ERROR", px4=ACCEPTED)
@@ -142,7 +139,7 @@ def last_item_again(vehicle: VehicleUnderTest) -> str:
     return equal(result, expected, "the last item again")
 
 
-@_ardupilot_check("mission.trouble.second_station", source="AUTOPILOTS 2: DENIED(14) both")
+@_ardupilot_check("mission.trouble", source="AUTOPILOTS 2: DENIED(14) both")
 def second_station(vehicle: VehicleUnderTest) -> str:
     """During an upload, MISSION_COUNT of a second station is answered DENIED."""
     _begin(vehicle)
@@ -152,7 +149,7 @@ def second_station(vehicle: VehicleUnderTest) -> str:
     return equal(result, "DENIED", "the other station's upload")
 
 
-@check("mission.trouble.download_during_upload", source="AUTOPILOTS 2: second GCS / download during upload")
+@check("mission.trouble", source="AUTOPILOTS 2: second GCS / download during upload")
 def download_during_upload(vehicle: VehicleUnderTest) -> str:
     """During an upload, ArduPilot answers MISSION_REQUEST_LIST with DENIED; PX4 does not answer."""
     expected = vehicle.known(ardupilot=["DENIED"], px4=[])
@@ -166,7 +163,7 @@ def download_during_upload(vehicle: VehicleUnderTest) -> str:
     return ", ".join(equal(acks, expected, "acknowledgements")) or "no answer"
 
 
-@_ardupilot_check("mission.trouble.same_station_restarts", source="AUTOPILOTS 2: same GCS may restart")
+@_ardupilot_check("mission.trouble", source="AUTOPILOTS 2: same GCS may restart")
 def same_station_restarts(vehicle: VehicleUnderTest) -> None:
     """The uploading station may restart its upload."""
     plans.begin_upload(vehicle, plans.sample_plan(vehicle, 6), 2)
@@ -191,8 +188,8 @@ def _answer_partial(vehicle: VehicleUnderTest, items: list[PlanItem], seqs: rang
     return result
 
 
-@check("mission.partial.writes", source="AUTOPILOTS 2: MISSION_WRITE_PARTIAL_LIST (38)")
-def partial_writes(vehicle: VehicleUnderTest) -> str:
+@check("mission.partial", source="AUTOPILOTS 2: MISSION_WRITE_PARTIAL_LIST (38)")
+def writes(vehicle: VehicleUnderTest) -> str:
     """MISSION_WRITE_PARTIAL_LIST replaces items 2 and 3 on ArduPilot; PX4 does not answer."""
     works = vehicle.known(ardupilot=True, px4=False)
     items, place = plans.store_sample(vehicle), plans.current_position(vehicle)
@@ -206,8 +203,8 @@ def partial_writes(vehicle: VehicleUnderTest) -> str:
     return "no answer"
 
 
-@_ardupilot_check("mission.partial.appends", source="AUTOPILOTS 2: may append at start=count")
-def partial_appends(vehicle: VehicleUnderTest) -> None:
+@_ardupilot_check("mission.partial", source="AUTOPILOTS 2: may append at start=count")
+def appends(vehicle: VehicleUnderTest) -> None:
     """A partial write that begins directly after the last item appends an item."""
     items, place = plans.store_sample(vehicle), plans.current_position(vehicle)
     seq = len(items)
@@ -216,8 +213,8 @@ def partial_appends(vehicle: VehicleUnderTest) -> None:
     _answer_partial(vehicle, items, range(seq, seq + 1), mark)
 
 
-@_ardupilot_check("mission.partial.bad_range", source="AUTOPILOTS 2: bad range ERROR(1)")
-def partial_bad_range(vehicle: VehicleUnderTest) -> str:
+@_ardupilot_check("mission.partial", source="AUTOPILOTS 2: bad range ERROR(1)")
+def bad_range(vehicle: VehicleUnderTest) -> str:
     """A partial write that would leave a gap after the last item is answered ERROR."""
     n_items = len(plans.store_sample(vehicle))
     mark = _write_partial(vehicle, n_items + 5, n_items + 6)

@@ -36,7 +36,7 @@ checks(
 
 
 @check(
-    "modes.set.mission_when_empty",
+    "modes.set",
     dialects=("ardupilot",),
     source="AUTOPILOTS 1.9: an empty mission; ArduPlane mode_auto.cpp, ModeAuto::update: then RTL",
 )
@@ -51,7 +51,7 @@ def mission_when_empty(vehicle: VehicleUnderTest) -> str:
     return f"ACCEPTED, {role}"
 
 
-@check("modes.acks_are_true")
+@check("modes")
 def acks_are_true(vehicle: VehicleUnderTest) -> str:
     """An accepted mode appears in the heartbeat; a refused mode does not appear."""
     if vehicle.dialect.home_item:  # without a mission ArduPlane accepts AUTO and changes to RTL
@@ -72,8 +72,8 @@ def acks_are_true(vehicle: VehicleUnderTest) -> str:
     return f"{sum(outcomes)} accepted, {len(outcomes) - sum(outcomes)} refused"
 
 
-@check("modes.unknown")
-def unknown_mode(vehicle: VehicleUnderTest) -> str:
+@check("modes")
+def unknown(vehicle: VehicleUnderTest) -> str:
     """An unknown mode number does not change the mode; autopilots other than PX4 must refuse it."""
     before = vehicle.mode
     result = vehicle.command(mavlink.MAV_CMD_DO_SET_MODE, 1, NO_SUCH_MODE)
@@ -84,7 +84,7 @@ def unknown_mode(vehicle: VehicleUnderTest) -> str:
     return result
 
 
-@check("modes.without_custom_flag", dialects=("ardupilot",))
+@check("modes", dialects=("ardupilot",))
 def without_custom_flag(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MODE without CUSTOM_MODE_ENABLED is refused."""
     before = vehicle.mode
@@ -93,7 +93,7 @@ def without_custom_flag(vehicle: VehicleUnderTest) -> str:
     return result
 
 
-@check("modes.by_command_int")
+@check("modes")
 def by_command_int(vehicle: VehicleUnderTest) -> None:
     """DO_SET_MODE as COMMAND_INT sets the mode."""
     flying.set_ready_mode(vehicle)
@@ -103,7 +103,7 @@ def by_command_int(vehicle: VehicleUnderTest) -> None:
     flying.wait_for_mode(vehicle, "manual")
 
 
-@check("modes.set_mode_message", source="AUTOPILOTS 1.5: the SET_MODE message is not acked (PX4 does ack it)")
+@check("modes", source="AUTOPILOTS 1.5: the SET_MODE message is not acked (PX4 does ack it)")
 def set_mode_message(vehicle: VehicleUnderTest) -> None:
     """SET_MODE changes the mode; PX4 acknowledges the message, ArduPilot does not."""
     acked = vehicle.known(ardupilot=False, px4=True)
@@ -115,7 +115,7 @@ def set_mode_message(vehicle: VehicleUnderTest) -> None:
     equal(bool(vehicle.since(mark, "COMMAND_ACK")), acked, "acknowledged")
 
 
-@check("modes.heartbeat_follows", source="AUTOPILOTS 1.5: the heartbeat lags the ack by up to 1 s")
+@check("modes", source="AUTOPILOTS 1.5: the heartbeat lags the ack by up to 1 s")
 def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
     """The heartbeat shows a new mode within 1.5 s of the acknowledgement."""
     flying.set_ready_mode(vehicle)
@@ -124,7 +124,7 @@ def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
     return f"{took_s:.2f} s"
 
 
-@check("modes.survives_silence")
+@check("modes")
 def survives_silence(vehicle: VehicleUnderTest) -> str:
     """On the ground the mode does not change while the station is silent for 8 s."""
     flying.set_ready_mode(vehicle)
@@ -135,14 +135,14 @@ def survives_silence(vehicle: VehicleUnderTest) -> str:
     return flying.mode_name(vehicle, before)
 
 
-@check("modes.current_mode_message")
+@check("modes")
 def current_mode_message(vehicle: VehicleUnderTest) -> str:
     """CURRENT_MODE, where supported, agrees with the heartbeat."""
     seen = vehicle.request("CURRENT_MODE").custom_mode
     return flying.mode_name(vehicle, equal(seen, vehicle.mode, "custom_mode"))
 
 
-@check("modes.available_modes")
+@check("modes")
 def available_modes(vehicle: VehicleUnderTest) -> str:
     """AVAILABLE_MODES, where supported, are numbered without gaps and include the current mode."""
     mark = vehicle.mark()

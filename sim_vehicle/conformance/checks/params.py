@@ -37,8 +37,8 @@ def _is_listed(message: Any) -> bool:
     return bool(message.param_index != parameters.UNINDEXED)
 
 
-@check("parameters.list.is_complete")
-def list_is_complete(vehicle: VehicleUnderTest) -> str:
+@check("parameters.list")
+def is_complete(vehicle: VehicleUnderTest) -> str:
     """One request brings at least 95 % of the list; names and indices are unique, the count is constant."""
     mark = vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
     parameters.wait_for_list(vehicle, mark)
@@ -54,7 +54,7 @@ def list_is_complete(vehicle: VehicleUnderTest) -> str:
     return f"{len(names)} of {count} at once"
 
 
-@check("parameters.list.names_are_valid")
+@check("parameters.list")
 def names_are_valid(vehicle: VehicleUnderTest) -> str:
     """Every name has 1 to 16 printable ASCII characters without blanks."""
     names = parameters.listed(vehicle)
@@ -64,7 +64,7 @@ def names_are_valid(vehicle: VehicleUnderTest) -> str:
     return f"{len(names)} names"
 
 
-@check("parameters.list.types_are_valid")
+@check("parameters.list")
 def types_are_valid(vehicle: VehicleUnderTest) -> str:
     """Every type is a MAV_PARAM_TYPE of at most 32 bits; on PX4, INT32 or REAL32."""
     types = {found.type for found in parameters.listed(vehicle).values()}
@@ -74,7 +74,7 @@ def types_are_valid(vehicle: VehicleUnderTest) -> str:
     return f"types {sorted(types)}"
 
 
-@check("parameters.list.values_fit_types")
+@check("parameters.list")
 def values_fit_types(vehicle: VehicleUnderTest) -> str:
     """An integer parameter has a whole value within the range of its type; no value is NaN."""
     for found in parameters.listed(vehicle).values():
@@ -85,7 +85,7 @@ def values_fit_types(vehicle: VehicleUnderTest) -> str:
     return f"{len(vehicle.catalogue)} values"
 
 
-@check("parameters.list.same_twice")
+@check("parameters.list")
 def same_twice(vehicle: VehicleUnderTest) -> str:
     """Two lists have the same names in the same order."""
     first = list(parameters.listed(vehicle))
@@ -128,8 +128,8 @@ checks(
 )  # fmt: skip
 
 
-@check("parameters.read.by_name")
-def read_by_name(vehicle: VehicleUnderTest) -> None:
+@check("parameters.read")
+def by_name(vehicle: VehicleUnderTest) -> None:
     """A read by name gives the value and type of the list."""
     for name in list(parameters.listed(vehicle))[:: max(1, len(vehicle.catalogue) // 8)]:
         listed, found = vehicle.catalogue[name], parameters.read(vehicle, name)
@@ -138,8 +138,8 @@ def read_by_name(vehicle: VehicleUnderTest) -> None:
         one_of(found.index, (listed.index, parameters.UNINDEXED), f"index of {name}")
 
 
-@check("parameters.read.by_index")
-def read_by_index(vehicle: VehicleUnderTest) -> str:
+@check("parameters.read")
+def by_index(vehicle: VehicleUnderTest) -> str:
     """A read by index gives the name and value of the list."""
     catalogue = list(parameters.listed(vehicle).values())
     for listed in (catalogue[0], catalogue[len(catalogue) // 2], catalogue[-1]):
@@ -149,8 +149,8 @@ def read_by_index(vehicle: VehicleUnderTest) -> str:
     return f"indices 0 to {catalogue[-1].index}"
 
 
-@check("parameters.read.long_name")
-def read_long_name(vehicle: VehicleUnderTest) -> str:
+@check("parameters.read")
+def long_name(vehicle: VehicleUnderTest) -> str:
     """A parameter with a name of 16 characters can be read; such a name has no final zero byte."""
     names = [name for name in parameters.listed(vehicle) if len(name) == 16]
     if not names:
@@ -158,8 +158,8 @@ def read_long_name(vehicle: VehicleUnderTest) -> str:
     return parameters.read(vehicle, names[0]).name
 
 
-@check("parameters.read.by_second_station")
-def read_by_second_station(vehicle: VehicleUnderTest) -> str:
+@check("parameters.read")
+def by_second_station(vehicle: VehicleUnderTest) -> str:
     """A second ground station can read a parameter."""
     name = _first(vehicle)
     request = parameters.read_message(vehicle, name)
@@ -167,16 +167,16 @@ def read_by_second_station(vehicle: VehicleUnderTest) -> str:
     return name
 
 
-@check("parameters.set.is_acknowledged")
-def set_acknowledged(vehicle: VehicleUnderTest) -> str:
+@check("parameters.set")
+def is_acknowledged(vehicle: VehicleUnderTest) -> str:
     """The vehicle answers PARAM_SET with the new value in PARAM_VALUE."""
     name, value = _integer_change(vehicle)
     with parameters.changed(vehicle, name, value) as answer:
         return f"{name} = {equal(answer.value, value, name)}"
 
 
-@check("parameters.set.is_kept")
-def set_kept(vehicle: VehicleUnderTest) -> str:
+@check("parameters.set")
+def is_kept(vehicle: VehicleUnderTest) -> str:
     """A new value is read back, and the old value can be restored."""
     name, value = _integer_change(vehicle)
     before = parameters.read(vehicle, name).value
@@ -186,8 +186,8 @@ def set_kept(vehicle: VehicleUnderTest) -> str:
     return f"{name} {before:g} -> {value} -> {before:g}"
 
 
-@check("parameters.set.fraction")
-def set_fraction(vehicle: VehicleUnderTest) -> str:
+@check("parameters.set")
+def fraction(vehicle: VehicleUnderTest) -> str:
     """A real parameter keeps its fraction in single precision."""
     name, value = _real_change(vehicle)
     single = struct.unpack("<f", struct.pack("<f", value))[0]
@@ -195,8 +195,8 @@ def set_fraction(vehicle: VehicleUnderTest) -> str:
         return f"{name} = {near(parameters.read(vehicle, name).value, single, 0.0, name):g}"
 
 
-@check("parameters.set.same_value")
-def set_same(vehicle: VehicleUnderTest) -> str:
+@check("parameters.set")
+def same_value(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET with the current value is acknowledged."""
     name, _ = _integer_change(vehicle)
     found = parameters.read(vehicle, name)
@@ -204,8 +204,8 @@ def set_same(vehicle: VehicleUnderTest) -> str:
     return f"{name} = {equal(answer.value, found.value, name):g}"
 
 
-@check("parameters.set.repeated")
-def set_repeated(vehicle: VehicleUnderTest) -> str:
+@check("parameters.set")
+def repeated(vehicle: VehicleUnderTest) -> str:
     """A repeated PARAM_SET, as after a lost answer, is acknowledged again."""
     name, value = _integer_change(vehicle)
     with parameters.changed(vehicle, name, value):
@@ -213,8 +213,8 @@ def set_repeated(vehicle: VehicleUnderTest) -> str:
         return f"{name} = {equal(again.value, value, name)}"
 
 
-@check("parameters.set.nan_is_refused", dialects=("ardupilot",))
-def set_nan(vehicle: VehicleUnderTest) -> None:
+@check("parameters.set", dialects=("ardupilot",))
+def nan_is_refused(vehicle: VehicleUnderTest) -> None:
     """PARAM_SET with NaN does not change the value."""
     name, _ = _real_change(vehicle)
     with parameters.restored(vehicle, name) as before:
@@ -223,7 +223,7 @@ def set_nan(vehicle: VehicleUnderTest) -> None:
         equal(parameters.read(vehicle, name).value, before.value, name)
 
 
-@check("parameters.set.integer_stays_whole")
+@check("parameters.set")
 def integer_stays_whole(vehicle: VehicleUnderTest) -> str:
     """An integer parameter stays whole after PARAM_SET with a fraction."""
     if parameters.byte_wise(vehicle):
@@ -237,8 +237,8 @@ def integer_stays_whole(vehicle: VehicleUnderTest) -> str:
     return f"{name}: {value + 0.7:g} -> {seen:g}"
 
 
-@check("parameters.set.wrong_type")
-def set_wrong_type(vehicle: VehicleUnderTest) -> None:
+@check("parameters.set")
+def wrong_type(vehicle: VehicleUnderTest) -> None:
     """PARAM_SET with another type is accepted by ArduPilot and refused by PX4."""
     accepts = vehicle.known(ardupilot=True, px4=False)
     name, value = _integer_change(vehicle)
@@ -249,8 +249,7 @@ def set_wrong_type(vehicle: VehicleUnderTest) -> None:
 
 
 @check(
-    "parameters.encoding",
-    source="AUTOPILOTS 1.16: byte-wise in PX4 (MAV_SYS_ID reads 1.4e-45 if not reinterpreted)",
+    "parameters", source="AUTOPILOTS 1.16: byte-wise in PX4 (MAV_SYS_ID reads 1.4e-45 if not reinterpreted)"
 )
 def encoding(vehicle: VehicleUnderTest) -> str:
     """The parameter with the system id has the right value in the autopilot's encoding."""
@@ -261,14 +260,14 @@ def encoding(vehicle: VehicleUnderTest) -> str:
     raise Skip("the parameter with the system id is unknown")
 
 
-@check("parameters.hash", dialects=("px4",))
-def hash_check(vehicle: VehicleUnderTest) -> None:
+@check("parameters", dialects=("px4",))
+def hash_(vehicle: VehicleUnderTest) -> None:
     """_HASH_CHECK can be read twice with the same value."""
     first = parameters.read(vehicle, "_HASH_CHECK").value
     equal(parameters.read(vehicle, "_HASH_CHECK").value, first, "_HASH_CHECK")
 
 
-@check("parameters.many_in_a_row")
+@check("parameters")
 def many_in_a_row(vehicle: VehicleUnderTest) -> str:
     """The vehicle answers 30 simultaneous reads; unanswered reads are repeated."""
     names = list(parameters.listed(vehicle))[:30]

@@ -16,7 +16,7 @@ MIN_UPTIME_S = 20.0  # shortest time since the boot before a reboot; a lower tim
 MAX_REBOOT_S = 60.0  # longest time from the reboot to an answer
 SETTLE_S = 3.0  # wait after a boot, because the vehicle undoes a mode change made in this time
 PREFLIGHT = mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
-_check = partial(check, needs=[REBOOT])
+_check = partial(check, "reboot", needs=[REBOOT])
 
 
 def _boot_ms(vehicle: VehicleUnderTest) -> int:
@@ -54,13 +54,13 @@ def _reboot(vehicle: VehicleUnderTest) -> float:
     return MAX_REBOOT_S
 
 
-@_check("reboot.answers_again", source="AUTOPILOTS 1.18: Reboot (246)")
+@_check(source="AUTOPILOTS 1.18: Reboot (246)")
 def answers_again(vehicle: VehicleUnderTest) -> str:
     """A reboot is acknowledged, and the vehicle answers again within 60 s."""
     return f"after {_reboot(vehicle):.1f} s"
 
 
-@_check("reboot.clock_restarts")
+@_check()
 def clock_restarts(vehicle: VehicleUnderTest) -> str:
     """time_boot_ms counts from the boot."""
     took_s = _reboot(vehicle)
@@ -68,8 +68,8 @@ def clock_restarts(vehicle: VehicleUnderTest) -> str:
     return f"{at_most(seen_ms, (took_s + SETTLE_S + 2) * 1000, 'time_boot_ms')} ms"
 
 
-@_check("reboot.streams_are_forgotten", source="AUTOPILOTS 1.1: Re-request after a reboot")
-def streams_forgotten(vehicle: VehicleUnderTest) -> str:
+@_check(source="AUTOPILOTS 1.1: Re-request after a reboot")
+def streams_are_forgotten(vehicle: VehicleUnderTest) -> str:
     """After a reboot, ArduCopter streams no attitude without a request, ArduPlane 1 Hz, PX4 15 Hz or more."""
     low_hz, high_hz = vehicle.known(ardupilot=(0.0, 2.0), px4=(0.2, math.inf))
     vehicle.set_interval("ATTITUDE", 8)
@@ -78,12 +78,8 @@ def streams_forgotten(vehicle: VehicleUnderTest) -> str:
     return f"ATTITUDE at {seen_hz:g} Hz"
 
 
-@_check(
-    "reboot.text_on_the_link",
-    dialects=("ardupilot",),
-    source="AUTOPILOTS 1.2: At every boot the link carries plain text",
-)
-def boot_text(vehicle: VehicleUnderTest) -> str:
+@_check(dialects=("ardupilot",), source="AUTOPILOTS 1.2: At every boot the link carries plain text")
+def text_on_the_link(vehicle: VehicleUnderTest) -> str:
     """A boot writes plain text to the link."""
     _reboot(vehicle)
     text = bytes(vehicle.noise).decode("ascii", "replace")
@@ -91,7 +87,7 @@ def boot_text(vehicle: VehicleUnderTest) -> str:
     return text.strip().partition("\n")[0]
 
 
-@_check("reboot.parameters_stay")
+@_check()
 def parameters_stay(vehicle: VehicleUnderTest) -> str:
     """A changed parameter survives a reboot."""
     name, value = parameters.harmless_change(vehicle, vehicle.dialect.integer_parameters)
@@ -102,7 +98,7 @@ def parameters_stay(vehicle: VehicleUnderTest) -> str:
     return f"{name} = {value}"
 
 
-@_check("reboot.mission_stays", dialects=KNOWN)
+@_check(dialects=KNOWN)
 def mission_stays(vehicle: VehicleUnderTest) -> None:
     """The mission survives a reboot."""
     items = plans.store_sample(vehicle)
@@ -111,7 +107,7 @@ def mission_stays(vehicle: VehicleUnderTest) -> None:
     plans.expect_stored(vehicle, items)
 
 
-@_check("reboot.fence_stays", dialects=KNOWN, claims=["MISSION_FENCE"])
+@_check(dialects=KNOWN, claims=["MISSION_FENCE"])
 def fence_stays(vehicle: VehicleUnderTest) -> None:
     """The fence survives a reboot."""
     plans.upload_or_fail(vehicle, polygon(vehicle), plans.FENCE)
@@ -122,7 +118,7 @@ def fence_stays(vehicle: VehicleUnderTest) -> None:
     equal(seen, 4, "fence items")
 
 
-@check("reboot.not_ready_at_once", needs=[REBOOT, ARM], source="AUTOPILOTS 1.3: Wait about 41 s")
+@check("reboot", needs=[REBOOT, ARM], source="AUTOPILOTS 1.3: Wait about 41 s")
 def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
     """After a boot a known autopilot refuses arming with a text; a vehicle that reports readiness arms."""
     if vehicle.dialect.refusal is None:
@@ -141,8 +137,8 @@ def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
     return f"ready {took_s:.0f} s later"
 
 
-@_check("reboot.zero_parameters")
-def zero_parameters_do_nothing(vehicle: VehicleUnderTest) -> str:
+@_check()
+def zero_parameters(vehicle: VehicleUnderTest) -> str:
     """PREFLIGHT_REBOOT_SHUTDOWN with all parameters 0 does not reboot."""
     before_ms = _boot_ms(vehicle)
     result = vehicle.command(PREFLIGHT, 0)

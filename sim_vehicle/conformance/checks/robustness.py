@@ -80,7 +80,7 @@ checks(
 )  # fmt: skip
 
 
-@check("robustness.garbage.half_a_frame")
+@check("robustness.garbage")
 def half_a_frame(vehicle: VehicleUnderTest) -> str:
     """The vehicle still answers after a truncated frame; the next frames may be lost."""
     vehicle.send_raw(_request(vehicle)[:20])
@@ -93,7 +93,7 @@ def half_a_frame(vehicle: VehicleUnderTest) -> str:
     return "answered later"
 
 
-@check("robustness.garbage.twenty_kilobytes")
+@check("robustness.garbage")
 def twenty_kilobytes(vehicle: VehicleUnderTest) -> None:
     """The vehicle sends heartbeats and answers after twenty kilobytes of random bytes."""
     for seed in range(20):
@@ -139,7 +139,7 @@ checks(
 )  # fmt: skip
 
 
-@check("robustness.frame.two_at_once")
+@check("robustness.frame")
 def two_at_once(vehicle: VehicleUnderTest) -> str:
     """Two frames sent at once are both processed."""
     mark = vehicle.send_raw(_request(vehicle) + _request(vehicle))
@@ -147,7 +147,7 @@ def two_at_once(vehicle: VehicleUnderTest) -> str:
     return str(equal(len(vehicle.since(mark, "COMMAND_ACK")), 2, "acknowledgements"))
 
 
-@check("robustness.frame.in_pieces")
+@check("robustness.frame")
 def in_pieces(vehicle: VehicleUnderTest) -> None:
     """A frame in three pieces is reassembled."""
     vehicle.heartbeats_off = True  # a heartbeat between the pieces would break the frame
@@ -158,7 +158,7 @@ def in_pieces(vehicle: VehicleUnderTest) -> None:
     vehicle.expect("COMMAND_ACK", mark=mark)
 
 
-@check("robustness.frame.sequence_gap")
+@check("robustness.frame")
 def sequence_gap(vehicle: VehicleUnderTest) -> None:
     """The vehicle still answers after a gap in the station's sequence numbers, as after losses."""
     codec = vehicle.sender.codec()
@@ -202,8 +202,8 @@ checks(
 )  # fmt: skip
 
 
-@check("robustness.flood.mission_counts")
-def flood_of_counts(vehicle: VehicleUnderTest) -> None:
+@check("robustness.flood")
+def mission_counts(vehicle: VehicleUnderTest) -> None:
     """An upload is accepted 12 s after 20 alternating MISSION_COUNT messages of two stations."""
     for number in range(20):
         vehicle.send(plans.count_message(vehicle, 2 + number % 3), SECOND_STATION if number % 2 else STATION)
@@ -260,7 +260,7 @@ def _texts(vehicle: VehicleUnderTest) -> list[tuple[float, int, str]]:
     return vehicle.texts
 
 
-@check("endurance.texts.severities")
+@check("endurance.texts")
 def severities(vehicle: VehicleUnderTest) -> str:
     """Every STATUSTEXT has a MAV_SEVERITY."""
     wrong = [
@@ -272,15 +272,15 @@ def severities(vehicle: VehicleUnderTest) -> str:
     return f"{len(vehicle.texts)} texts"
 
 
-@check("endurance.texts.are_readable")
-def readable(vehicle: VehicleUnderTest) -> str:
+@check("endurance.texts")
+def are_readable(vehicle: VehicleUnderTest) -> str:
     """Every STATUSTEXT is printable, apart from tabs; PX4 also sends a mere tab."""
     wrong = [text for _, _, text in _texts(vehicle) if not text.replace("\t", " ").isprintable()]
     holds(not wrong, f"saw {wrong[:2]!r}")
     return f"{len(vehicle.texts)} texts"
 
 
-@check("endurance.still_answers")
+@check("endurance")
 def still_answers(vehicle: VehicleUnderTest) -> str:
     """At the end of the run the vehicle sends a heartbeat and AUTOPILOT_VERSION."""
     vehicle.expect("HEARTBEAT", within_s=3.0)

@@ -22,7 +22,7 @@ Y2015_US = 1_420_070_400_000_000  # Unix time of 2015-01-01 [us]
 STAMP = 50_000_000_000_000  # time stamp in 2030 [10 us since 2015]
 SIGNER, FORGER, PLAIN = (253, 190), (252, 190), (251, 190)  # further stations: (system id, component id)
 KEY_REMOVAL_ATTEMPTS = 5
-_check = partial(check, needs=[ALTER])
+_check = partial(check, "signing", needs=[ALTER])
 
 
 def _sign_with(vehicle: VehicleUnderTest, source: tuple[int, int], key: bytes, stamp: int) -> None:
@@ -60,7 +60,7 @@ def _remove_key(vehicle: VehicleUnderTest) -> None:
     raise CheckFailed("expected unsigned frames after the removal of the key, saw signed frames or none")
 
 
-@check("signing.without_a_key")
+@check("signing")
 def without_a_key(vehicle: VehicleUnderTest) -> None:
     """A vehicle without a key accepts signed frames."""
     _sign_with(vehicle, FORGER, OTHER_KEY, STAMP)
@@ -69,8 +69,8 @@ def without_a_key(vehicle: VehicleUnderTest) -> None:
     equal(result_name(ack.result), ACCEPTED, "a signed command")
 
 
-@_check("signing.signs_what_it_sends")
-def signs(vehicle: VehicleUnderTest) -> str:
+@_check()
+def signs_what_it_sends(vehicle: VehicleUnderTest) -> str:
     """After the set-up of a key the vehicle signs every frame correctly."""
     with _signing_key(vehicle):
         frames = vehicle.wait(3.0)
@@ -81,7 +81,7 @@ def signs(vehicle: VehicleUnderTest) -> str:
     return f"{len(signed)} frames"
 
 
-@_check("signing.stamps_go_up")
+@_check()
 def stamps_go_up(vehicle: VehicleUnderTest) -> str:
     """The time stamps of signatures increase."""
     with _signing_key(vehicle):
@@ -90,8 +90,8 @@ def stamps_go_up(vehicle: VehicleUnderTest) -> str:
     return f"{len(stamps)} stamps"
 
 
-@_check("signing.takes_the_right_key")
-def takes_right_key(vehicle: VehicleUnderTest) -> None:
+@_check()
+def takes_the_right_key(vehicle: VehicleUnderTest) -> None:
     """A command signed with the right key is executed."""
     with _signing_key(vehicle):
         ack = vehicle.ask(vehicle.version_request(), "COMMAND_ACK", source=SIGNER)
@@ -111,15 +111,15 @@ def _require_untrusted_link(vehicle: VehicleUnderTest) -> None:
     vehicle.ask(vehicle.version_request(), "COMMAND_ACK", source=SIGNER)
 
 
-@_check("signing.refuses_unsigned")
+@_check()
 def refuses_unsigned(vehicle: VehicleUnderTest) -> None:
     """An unsigned command is refused, unless the link is trusted."""
     with _signing_key(vehicle):
         _require_untrusted_link(vehicle)
 
 
-@_check("signing.refuses_the_wrong_key")
-def refuses_wrong_key(vehicle: VehicleUnderTest) -> None:
+@_check()
+def refuses_the_wrong_key(vehicle: VehicleUnderTest) -> None:
     """A command signed with a wrong key is refused, unless the link is trusted."""
     with _signing_key(vehicle) as stamp:
         _require_untrusted_link(vehicle)
@@ -128,8 +128,8 @@ def refuses_wrong_key(vehicle: VehicleUnderTest) -> None:
     holds(not executed, "expected no answer to a wrong key, saw a COMMAND_ACK")
 
 
-@_check("signing.refuses_a_replay")
-def refuses_replay(vehicle: VehicleUnderTest) -> None:
+@_check()
+def refuses_a_replay(vehicle: VehicleUnderTest) -> None:
     """A repeated signed frame is refused, unless the link is trusted."""
     with _signing_key(vehicle):
         _require_untrusted_link(vehicle)
@@ -139,8 +139,8 @@ def refuses_replay(vehicle: VehicleUnderTest) -> None:
     holds(not executed, "expected no answer to a replay, saw a COMMAND_ACK")
 
 
-@_check("signing.can_be_turned_off")
-def turned_off(vehicle: VehicleUnderTest) -> None:
+@_check()
+def can_be_turned_off(vehicle: VehicleUnderTest) -> None:
     """A key of zeros ends signing."""
     with _signing_key(vehicle):
         pass

@@ -5,8 +5,9 @@ joystick is a failsafe in each later mode.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -55,11 +56,10 @@ def _roll_us(vehicle: VehicleUnderTest) -> int:
     return int(vehicle.request("RC_CHANNELS").chan1_raw)
 
 
-def _check_override(name: str, source: str) -> Callable[[Any], Any]:
-    return check(f"arming.{name}", needs=[ARM], dialects=("ardupilot",), source=source)
+_override_check = partial(check, "arming", needs=[ARM], dialects=("ardupilot",))
 
 
-@_check_override("override_is_shown", "MAVLink: RC_CHANNELS_OVERRIDE")
+@_override_check(source="MAVLink: RC_CHANNELS_OVERRIDE")
 def override_is_shown(vehicle: VehicleUnderTest) -> None:
     """RC_CHANNELS shows an override; 65535 keeps it and 0 releases it."""
     before = _roll_us(vehicle)
@@ -72,7 +72,7 @@ def override_is_shown(vehicle: VehicleUnderTest) -> None:
         equal(_roll_us(vehicle), before, "channel 1 after 0")
 
 
-@_check_override("override_ends", "ArduPilot: RC_OVERRIDE_TIME")
+@_override_check(source="ArduPilot: RC_OVERRIDE_TIME")
 def override_ends(vehicle: VehicleUnderTest) -> None:
     """An override ends 3 s after its last message."""
     before = _roll_us(vehicle)
@@ -84,7 +84,7 @@ def override_ends(vehicle: VehicleUnderTest) -> None:
         equal(_roll_us(vehicle), before, "channel 1 after 4.1 s")
 
 
-@_check_override("override_by_another", "GCS_Common.cpp, handle_rc_channels_override")
+@_override_check(source="GCS_Common.cpp, handle_rc_channels_override")
 def override_by_another(vehicle: VehicleUnderTest) -> None:
     """An override by another system than the own ground station has no effect."""
     before = _roll_us(vehicle)
@@ -92,7 +92,7 @@ def override_by_another(vehicle: VehicleUnderTest) -> None:
     equal(_roll_us(vehicle), before, "channel 1")
 
 
-@_check_override("joystick_sets_channels", "GCS_Common.cpp, manual_override")
+@_override_check(source="GCS_Common.cpp, manual_override")
 def joystick_sets_channels(vehicle: VehicleUnderTest) -> None:
     """MANUAL_CONTROL sets the channels of the sticks; 32767 releases an axis."""
     before = _roll_us(vehicle)
@@ -104,7 +104,7 @@ def joystick_sets_channels(vehicle: VehicleUnderTest) -> None:
 
 
 @check(
-    "arming.throttle_is_up",
+    "arming",
     needs=[ARM],
     kind="copter",
     dialects=KNOWN,
@@ -139,12 +139,11 @@ def _by_joystick(vehicle: VehicleUnderTest, role: str) -> Iterator[None]:
                 vehicle.known(ardupilot=flying.hold, px4=flying.ensure_landed)(vehicle)
 
 
-def _check_flight(name: str, source: str, *dialects: str) -> Callable[[Any], Any]:
-    return check(f"flight.{name}", airborne=True, kind="copter", dialects=dialects, source=source)
+_flight_check = partial(check, "flight.sticks", airborne=True, kind="copter")
 
 
-@_check_flight("sticks.altitude", "ArduPilot: PILOT_SPEED_UP, ANGLE_MAX; PX4: MPC_*", "ardupilot", "px4")
-def sticks_altitude(vehicle: VehicleUnderTest) -> str:
+@_flight_check(dialects=KNOWN, source="ArduPilot: PILOT_SPEED_UP, ANGLE_MAX; PX4: MPC_*")
+def altitude(vehicle: VehicleUnderTest) -> str:
     """The full throttle climbs at 2.5 m/s (PX4: 3 m/s), the full roll stick leans by 30 (35) degrees."""
     climb_m_s, lean_deg = vehicle.known(ardupilot=(2.5, 30.0), px4=(3.0, 35.0))
     with _by_joystick(vehicle, "altitude"), vehicle.streaming({"ATTITUDE": 10.0}):
@@ -161,8 +160,8 @@ def sticks_altitude(vehicle: VehicleUnderTest) -> str:
     return f"{climb:.1f} m/s, {roll_deg:.0f} degrees"
 
 
-@_check_flight("sticks.brake", "ArduPilot: LOITER; PX4: Position", "ardupilot", "px4")
-def sticks_brake(vehicle: VehicleUnderTest) -> str:
+@_flight_check(dialects=KNOWN, source="ArduPilot: LOITER; PX4: Position")
+def brake(vehicle: VehicleUnderTest) -> str:
     """In the position mode the pitch stick flies; after its release the copter stops."""
     with _by_joystick(vehicle, vehicle.known(ardupilot="loiter", px4="position")):
         _hold(vehicle, 4.0, 1000, 0, 500, 0)
@@ -174,8 +173,8 @@ def sticks_brake(vehicle: VehicleUnderTest) -> str:
     return f"{fast:.1f} m/s, then {slow:.1f} m/s"
 
 
-@_check_flight("sticks.take_over", "PX4: COM_RC_OVERRIDE", "px4")
-def sticks_take_over(vehicle: VehicleUnderTest) -> str:
+@_flight_check(dialects=("px4",), source="PX4: COM_RC_OVERRIDE")
+def take_over(vehicle: VehicleUnderTest) -> str:
     """Resting sticks leave Hold alone, moving sticks end it."""
     with _by_joystick(vehicle, "hold"):
         _hold(vehicle, 0.5, 900, 0, 500, 0)
@@ -185,8 +184,8 @@ def sticks_take_over(vehicle: VehicleUnderTest) -> str:
     return flying.mode_name(vehicle, seen)
 
 
-@_check_flight("sticks.lost", "PX4: COM_RC_LOSS_T, NAV_RCL_ACT", "px4")
-def sticks_lost(vehicle: VehicleUnderTest) -> str:
+@_flight_check(dialects=("px4",), source="PX4: COM_RC_LOSS_T, NAV_RCL_ACT")
+def lost(vehicle: VehicleUnderTest) -> str:
     """After the loss of the joystick the vehicle holds, and returns after COM_FAIL_ACT_T."""
     with _by_joystick(vehicle, "position"):
         flying.wait_for_mode(vehicle, "hold", 3.5)

@@ -192,7 +192,7 @@ checks(
 )  # fmt: skip
 
 
-@check("telemetry.position.agrees_with_gps")
+@check("telemetry.position")
 def agrees_with_gps(vehicle: VehicleUnderTest) -> str:
     """GLOBAL_POSITION_INT is less than 8 m from GPS_RAW_INT."""
     flying.wait_ready(vehicle)
@@ -201,8 +201,8 @@ def agrees_with_gps(vehicle: VehicleUnderTest) -> str:
     return f"{at_most(away_m, AGREE_M, 'metres apart'):.2f} m apart"
 
 
-@check("telemetry.time.goes_forward")
-def time_goes_forward(vehicle: VehicleUnderTest) -> str:
+@check("telemetry.time")
+def goes_forward(vehicle: VehicleUnderTest) -> str:
     """time_boot_ms does not decrease within one kind of message."""
     kinds = {"ATTITUDE": 10.0, POSITION: 5.0}
     found = vehicle.sample(kinds, 4.0)
@@ -213,8 +213,8 @@ def time_goes_forward(vehicle: VehicleUnderTest) -> str:
     return f"{sum(map(len, found.values()))} messages"
 
 
-@check("telemetry.time.is_milliseconds")
-def time_is_milliseconds(vehicle: VehicleUnderTest) -> str:
+@check("telemetry.time")
+def is_milliseconds(vehicle: VehicleUnderTest) -> str:
     """time_boot_ms counts milliseconds of vehicle time."""
     with vehicle.streaming({"ATTITUDE": 10.0}):
         entries = [e for e in vehicle.wait(5.0) if e.kind == "ATTITUDE"]
@@ -223,7 +223,7 @@ def time_is_milliseconds(vehicle: VehicleUnderTest) -> str:
     return f"{near(reported_s, entries[-1].at_s - entries[0].at_s, 0.5, 'seconds reported'):.2f} s"
 
 
-@check("telemetry.numbers_are_finite")
+@check("telemetry")
 def numbers_are_finite(vehicle: VehicleUnderTest) -> None:
     """No number of an attitude, VFR_HUD or local position message is NaN or infinite."""
     for kind, messages in vehicle.sample(dict.fromkeys(FINITE_KINDS, 4.0), 2.0).items():
@@ -233,8 +233,8 @@ def numbers_are_finite(vehicle: VehicleUnderTest) -> None:
                     raise CheckFailed(f"{kind}.{name} is {value}")
 
 
-@check("telemetry.attitude.is_in_range")
-def attitude_in_range(vehicle: VehicleUnderTest) -> str:
+@check("telemetry.attitude")
+def is_in_range(vehicle: VehicleUnderTest) -> str:
     """Roll and yaw are within ±pi rad, pitch is within ±pi / 2 rad."""
     for message in vehicle.sample({"ATTITUDE": 10.0}, 2.0)["ATTITUDE"]:
         for name, most in (("roll", math.pi), ("pitch", math.pi / 2), ("yaw", math.pi)):
@@ -242,8 +242,8 @@ def attitude_in_range(vehicle: VehicleUnderTest) -> str:
     return f"yaw {math.degrees(message.yaw):.1f} deg"
 
 
-@check("telemetry.imu.measures_gravity")
-def imu(vehicle: VehicleUnderTest) -> str:
+@check("telemetry.imu")
+def measures_gravity(vehicle: VehicleUnderTest) -> str:
     """At rest the accelerometer shows 9.8 m/s2 on average, with a negative z axis (z points down)."""
     for kind, scale in (("SCALED_IMU", 9.80665e-3), ("RAW_IMU", 9.80665e-3), ("HIGHRES_IMU", 1.0)):
         try:
@@ -257,8 +257,8 @@ def imu(vehicle: VehicleUnderTest) -> str:
     raise Skip("the vehicle sends no acceleration")
 
 
-@check("telemetry.local.at_rest")
-def local_at_rest(vehicle: VehicleUnderTest) -> str:
+@check("telemetry.local")
+def at_rest(vehicle: VehicleUnderTest) -> str:
     """At rest LOCAL_POSITION_NED agrees with the distance from the local origin; the speed is below 1 m/s."""
     message = vehicle.sample({"LOCAL_POSITION_NED": 4.0}, 1.0)["LOCAL_POSITION_NED"][-1]
     origin = vehicle.request("GPS_GLOBAL_ORIGIN")
@@ -268,8 +268,8 @@ def local_at_rest(vehicle: VehicleUnderTest) -> str:
     return f"{message.x:.2f}, {message.y:.2f}, {message.z:.2f} m"
 
 
-@check("telemetry.estimator.has_a_position")
-def estimator(vehicle: VehicleUnderTest) -> str:
+@check("telemetry.estimator")
+def has_a_position(vehicle: VehicleUnderTest) -> str:
     """The estimator report of a ready vehicle has attitude and position."""
     flying.wait_ready(vehicle)
     kind = "EKF_STATUS_REPORT" if vehicle.dialect.name == "ardupilot" else "ESTIMATOR_STATUS"
@@ -280,10 +280,9 @@ def estimator(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "telemetry.battery.current_is_centiamperes",
-    source="PX4 BATTERY_STATUS.hpp: 100 times the current, also of an unknown one (-1 A)",
+    "telemetry.battery", source="PX4 BATTERY_STATUS.hpp: 100 times the current, also of an unknown one (-1 A)"
 )
-def battery_current(vehicle: VehicleUnderTest) -> str:
+def current_is_centiamperes(vehicle: VehicleUnderTest) -> str:
     """A disarmed vehicle draws less than 10 A, or reports -1 (PX4: -100) for an unknown current."""
     current = vehicle.request("BATTERY_STATUS").current_battery
     unknown = (-1, -100) if vehicle.dialect.name == "px4" else (-1,)
