@@ -131,9 +131,8 @@ def disarm(vehicle: VehicleUnderTest) -> None:
         wait_until_disarmed(vehicle)
 
 
-def set_current(vehicle: VehicleUnderTest, seq: int) -> int:
-    """Send MISSION_SET_CURRENT; return the mark before its answer."""
-    return vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))
+def set_current(vehicle: VehicleUnderTest, seq: int) -> None:
+    vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))
 
 
 def home(vehicle: VehicleUnderTest) -> tuple[int, int]:

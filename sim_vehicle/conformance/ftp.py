@@ -65,8 +65,8 @@ class FtpClient:
         self.vehicle.send(self.message(opcode, data, **fields))
         return self.seq
 
-    def reply(self, mark: int) -> tuple[Reply, int] | None:
-        """Return the first reply after a mark, and the mark after the reply; None after `REPLY_S`."""
+    def reply(self, mark: int | None = None) -> tuple[Reply, int] | None:
+        """Return the next reply after a mark, and the mark after the reply; None after `REPLY_S`."""
         index = self.vehicle.seek(("FILE_TRANSFER_PROTOCOL",), within_s=REPLY_S, mark=mark)
         if index is None:
             return None
@@ -110,8 +110,8 @@ class FtpClient:
         for _ in range(MAX_BURSTS):
             if len(content) >= size:
                 break
-            mark = self.vehicle.mark()
             self.send(BURST, session=session, offset=len(content), size=CHUNK)
+            mark = self.vehicle.mark()
             while (found := self.reply(mark)) is not None:
                 answer, mark = found
                 if answer.ok and answer.offset == len(content):

@@ -104,8 +104,8 @@ def has(vehicle: VehicleUnderTest, name: str) -> bool:
     if vehicle.catalogue:
         return name in vehicle.catalogue
     for _ in range(2):
-        mark = vehicle.send(read_message(vehicle, name))
-        if vehicle.wait_for("PARAM_VALUE", lambda m: m.param_id == name, mark=mark) is not None:
+        vehicle.send(read_message(vehicle, name))
+        if vehicle.wait_for("PARAM_VALUE", lambda m: m.param_id == name) is not None:
             return True
     return False
 
@@ -125,25 +125,30 @@ def harmless_change(
     raise Skip("no parameter of this vehicle is known to be safe to change")
 
 
-def wait_for_list(vehicle: VehicleUnderTest, mark: int) -> None:
-    """Wait until no listed PARAM_VALUE has come for `LIST_QUIET_S`, at most `LIST_S`."""
-    end_s = vehicle.now + LIST_S
+def is_listed(message: Any) -> bool:
+    """Return True for a value of a list; a value that is reported unasked (STAT_RUNTIME) has no index."""
+    return bool(message.param_index != UNINDEXED)
+
+
+def request_list(vehicle: VehicleUnderTest) -> list[Any]:
+    """Request the list; return its PARAM_VALUEs until a pause of `LIST_QUIET_S`, at most for `LIST_S`."""
+    found: list[Any] = []
+    vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
+    mark, end_s = vehicle.mark(), vehicle.now + LIST_S
     while vehicle.now < end_s:
-        index = vehicle.seek(
-            ("PARAM_VALUE",), lambda m: m.param_index != UNINDEXED, within_s=LIST_QUIET_S, mark=mark
-        )
+        index = vehicle.seek(("PARAM_VALUE",), is_listed, within_s=LIST_QUIET_S, mark=mark)
         if index is None:
-            return
+            break
+        found.append(vehicle.received[index].message)
         mark = index + 1
+    if not found:
+        raise CheckFailed("expected PARAM_VALUE for PARAM_REQUEST_LIST, saw none")
+    return found
 
 
 def fetch_all(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
     """Fetch, store and return the parameter list; missing entries are requested by index."""
-    mark = vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
-    wait_for_list(vehicle, mark)
-    found = [decode(vehicle, m) for m in vehicle.since(mark, "PARAM_VALUE") if m.param_index != UNINDEXED]
-    if not found:
-        raise CheckFailed("expected PARAM_VALUE for PARAM_REQUEST_LIST, saw none")
+    found = [decode(vehicle, message) for message in request_list(vehicle)]
     by_index = {value.index: value for value in found}
     for index in range(found[0].count):
         if index not in by_index:

@@ -118,9 +118,8 @@ def clear_message(vehicle: VehicleUnderTest, kind: int) -> Any:
     return mavlink.MAVLink_mission_clear_all_message(*vehicle.target, kind)
 
 
-def send_item(vehicle: VehicleUnderTest, items: Sequence[PlanItem], seq: int, kind: int = MISSION) -> int:
-    """Send an item unasked; return the mark before its answer."""
-    return vehicle.send(items[seq].message(vehicle.target, seq, kind))
+def send_item(vehicle: VehicleUnderTest, items: Sequence[PlanItem], seq: int, kind: int = MISSION) -> None:
+    vehicle.send(items[seq].message(vehicle.target, seq, kind))
 
 
 def for_station(kind: int, source: Source = STATION, seq: int | None = None) -> Condition:
@@ -133,16 +132,16 @@ def for_station(kind: int, source: Source = STATION, seq: int | None = None) -> 
     return fits
 
 
-def next_request(vehicle: VehicleUnderTest, *, mark: int) -> int:
+def next_request(vehicle: VehicleUnderTest) -> int:
     """Return the seq of the next MISSION_REQUEST(_INT); raise CheckFailed if none arrives."""
-    index = vehicle.seek(REQUESTS, for_station(MISSION), within_s=REQUEST_S, mark=mark)
+    index = vehicle.seek(REQUESTS, for_station(MISSION), within_s=REQUEST_S, mark=None)
     if index is None:
         raise CheckFailed(f"expected a request for an item within {REQUEST_S:g} s, saw none")
     return int(vehicle.received[index].message.seq)
 
 
-def next_step(vehicle: VehicleUnderTest, *, mark: int) -> tuple[ReceivedFrame, int]:
-    """Return the next request or MISSION_ACK of an upload, and the mark after it."""
+def next_step(vehicle: VehicleUnderTest, mark: int | None = None) -> tuple[ReceivedFrame, int]:
+    """Return the next request or MISSION_ACK of an upload after a mark, and the mark after it."""
     index = vehicle.seek((*REQUESTS, "MISSION_ACK"), within_s=REQUEST_S, mark=mark)
     if index is None:
         raise CheckFailed(f"the vehicle neither requested nor acknowledged within {REQUEST_S:g} s")
@@ -241,9 +240,9 @@ def store(vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: int = MISS
     return expect_stored(vehicle, items, kind)
 
 
-def next_result(vehicle: VehicleUnderTest, mark: int, *, source: Source = STATION) -> str:
+def next_result(vehicle: VehicleUnderTest, *, source: Source = STATION) -> str:
     """Return the name of the MAV_MISSION_RESULT in the next MISSION_ACK for a mission."""
-    return mission_result_name(vehicle.expect("MISSION_ACK", for_station(MISSION, source), mark=mark).type)
+    return mission_result_name(vehicle.expect("MISSION_ACK", for_station(MISSION, source)).type)
 
 
 def cancel_upload(vehicle: VehicleUnderTest) -> None:
@@ -254,13 +253,12 @@ def cancel_upload(vehicle: VehicleUnderTest) -> None:
     vehicle.wait(1.0 if vehicle.dialect.name == "px4" else 10.0)
 
 
-def begin_upload(vehicle: VehicleUnderTest, items: list[PlanItem], sent: int) -> int:
-    """Begin an upload and stop after `sent` items; return the mark after the next, unanswered request."""
-    mark = vehicle.send(count_message(vehicle, len(items)))
+def begin_upload(vehicle: VehicleUnderTest, items: list[PlanItem], sent: int) -> None:
+    """Begin an upload, and stop after `sent` items and the next, unanswered request."""
+    vehicle.send(count_message(vehicle, len(items)))
     for _ in range(sent):
-        mark = send_item(vehicle, items, next_request(vehicle, mark=mark))
-    next_request(vehicle, mark=mark)
-    return vehicle.mark()
+        send_item(vehicle, items, next_request(vehicle))
+    next_request(vehicle)
 
 
 class PlanBackup:

@@ -104,22 +104,17 @@ class Traffic:
     def target(self) -> tuple[int, int]:
         return self.identity.sysid, self.identity.component
 
-    def send(self, message: Any, source: Source = STATION) -> int:
-        """Send a message as a station of the suite; return the mark before its answers."""
-        return self.send_raw(self.sender.pack(message, source))
+    def send(self, message: Any, source: Source = STATION) -> None:
+        """Send a message as a station of the suite; only a wait processes the answers."""
+        self.send_raw(self.sender.pack(message, source))
 
-    def send_raw(self, data: bytes) -> int:
-        """Send the bytes, or raise the error of `objection`; return the mark before the answers.
-
-        Every method sends through this method.
-        """
+    def send_raw(self, data: bytes) -> None:
+        """Send the bytes, or raise the error of `objection`. Every method sends through this method."""
         objection = self.objection(data)
         if objection is not None:
             raise objection
         self._sent_tail = (self._sent_tail + data)[-LONGEST_FRAME:]
-        mark = self.mark()
         self._wire.send(data)
-        return mark
 
     def objection(self, data: bytes) -> Skip | Forbidden | None:
         """Return the error that forbids sending these bytes, or None.
@@ -222,10 +217,11 @@ class Traffic:
         return self.now - began_s
 
     def seek(
-        self, kinds: Collection[str], where: Condition | None = None, *, within_s: float, mark: int
+        self, kinds: Collection[str], where: Condition | None = None, *, within_s: float, mark: int | None
     ) -> int | None:
-        """Wait for a message of these kinds after a mark; return its index in `received`, or None."""
+        """Wait for a message of these kinds after a mark, or after now; return its index in `received`."""
         end_s = self.now + within_s
+        mark = self.mark() if mark is None else mark
         while True:
             for index in range(mark, len(self.received)):
                 entry = self.received[index]
@@ -240,7 +236,7 @@ class Traffic:
         self, kind: str, where: Condition | None = None, *, within_s: float = REPLY_S, mark: int | None = None
     ) -> Any | None:
         """Wait for a message after `mark`, by default after now; return the message or None."""
-        index = self.seek((kind,), where, within_s=within_s, mark=self.mark() if mark is None else mark)
+        index = self.seek((kind,), where, within_s=within_s, mark=mark)
         return None if index is None else self.received[index].message
 
     def expect(
@@ -263,11 +259,9 @@ class Traffic:
         found = self.expect("STATUSTEXT", lambda m: words in m.text, mark=mark, description=f"'{words}'")
         return str(found.text)
 
-    def expect_none(
-        self, kind: str, where: Condition | None = None, *, during_s: float, mark: int | None = None
-    ) -> None:
+    def expect_none(self, kind: str, where: Condition | None = None, *, during_s: float) -> None:
         """Wait `during_s` [s]; raise CheckFailed if a matching message arrives."""
-        message = self.wait_for(kind, where, within_s=during_s, mark=mark)
+        message = self.wait_for(kind, where, within_s=during_s)
         if message is not None:
             raise CheckFailed(f"expected no {kind}, saw {message}")
 

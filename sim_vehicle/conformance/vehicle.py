@@ -129,9 +129,9 @@ class VehicleUnderTest(Traffic):
         version = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
         return self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, version, **fields)
 
-    def command_int(self, command: int, *params: float, **place: Any) -> Any:
+    def command_int(self, command: int, *params: float, to: Any = None, **place: Any) -> Any:
         """Return COMMAND_INT; `place`: frame, x, y, z."""
-        return command_int(self.target, command, *params, **place)
+        return command_int(to or self.target, command, *params, **place)
 
     def result(self, message: Any, *, source: Source = STATION, attempts: int = ATTEMPTS) -> str:
         """Send a command up to `attempts` times; return the name of its final MAV_RESULT.

@@ -77,7 +77,8 @@ def is_idempotent(vehicle: VehicleUnderTest) -> None:
 def strange_parameter(vehicle: VehicleUnderTest) -> str:
     """COMPONENT_ARM_DISARM with 2 as parameter 1 does not arm; PX4 sends a text, others refuse."""
     flying.wait_ready(vehicle)
-    mark = vehicle.send(vehicle.command_long(ARM_COMMAND, 2))
+    mark = vehicle.mark()
+    vehicle.send(vehicle.command_long(ARM_COMMAND, 2))
     vehicle.wait(flying.HEARTBEAT_LAG_S)
     was_armed = vehicle.armed
     flying.disarm(vehicle)

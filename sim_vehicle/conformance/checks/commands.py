@@ -1,7 +1,7 @@
 """COMMAND_LONG and COMMAND_INT: acknowledgement, targets, repetition, progress."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -14,6 +14,7 @@ from sim_vehicle.conformance.assertions import (
     at_most,
     command_name,
     equal,
+    holds,
     one_of,
     result_name,
 )
@@ -22,7 +23,7 @@ from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.definitions import COMMAND_CANCEL, DefinedMessage, id_of
-from sim_vehicle.station.frames import STATION, Source
+from sim_vehicle.station.frames import STATION, ReceivedFrame, Source
 from sim_vehicle.station.messages import set_mode
 
 NO_SUCH_COMMAND = 31_999
@@ -36,9 +37,12 @@ def _ack(vehicle: VehicleUnderTest, source: Source = STATION) -> Any:
     return vehicle.ask(vehicle.version_request(), "COMMAND_ACK", source=source)
 
 
-def _results(vehicle: VehicleUnderTest, mark: int, command: int = REQUEST) -> list[str]:
-    """Return the results of a command that have arrived since a mark."""
-    return [result_name(m.result) for m in vehicle.since(mark, "COMMAND_ACK") if m.command == command]
+def _acks(frames: Iterable[ReceivedFrame], command: int = REQUEST) -> list[Any]:
+    return [f.message for f in frames if f.kind == "COMMAND_ACK" and f.message.command == command]
+
+
+def _results(frames: Iterable[ReceivedFrame], command: int = REQUEST) -> list[str]:
+    return [result_name(ack.result) for ack in _acks(frames, command)]
 
 
 @check("commands.ack")
@@ -59,9 +63,8 @@ def names_the_station(vehicle: VehicleUnderTest) -> str:
 @check("commands.ack")
 def comes_once(vehicle: VehicleUnderTest) -> str:
     """One command brings one acknowledgement."""
-    mark = vehicle.send(vehicle.version_request())
-    vehicle.wait(1.5)
-    return str(equal(len(_results(vehicle, mark)), 1, "acknowledgements"))
+    vehicle.send(vehicle.version_request())
+    return str(equal(len(_acks(vehicle.wait(1.5))), 1, "acknowledgements"))
 
 
 @check("commands.ack")
@@ -69,8 +72,9 @@ def is_quick(vehicle: VehicleUnderTest) -> str:
     """At least four of five short commands are acknowledged within 1 s; a link may lose one."""
     took_s = []
     for _ in range(5):
-        began_s, mark = vehicle.now, vehicle.send(vehicle.version_request())
-        if vehicle.wait_for("COMMAND_ACK", lambda m: m.command == REQUEST, within_s=1.0, mark=mark):
+        began_s = vehicle.now
+        vehicle.send(vehicle.version_request())
+        if vehicle.wait_for("COMMAND_ACK", lambda m: m.command == REQUEST, within_s=1.0):
             took_s.append(vehicle.now - began_s)
     at_least(len(took_s), 4, "acknowledgements within 1 s")
     return f"up to {max(took_s) * 1000:.0f} ms"
@@ -117,16 +121,10 @@ def same_as_long(vehicle: VehicleUnderTest) -> str:
 
 def _not_executed(vehicle: VehicleUnderTest, build: Callable[[VehicleUnderTest], Any]) -> str:
     allowed = [[]] if vehicle.dialect.name == "ardupilot" else [[], ["FAILED"]]
-    mark = vehicle.send(build(vehicle))
-    vehicle.wait(1.5)
-    equal(vehicle.since(mark, "AUTOPILOT_VERSION"), [], "AUTOPILOT_VERSION")
-    return ", ".join(one_of(_results(vehicle, mark), allowed, "answers")) or "no answer"
-
-
-def _to_another(vehicle: VehicleUnderTest) -> Any:
-    message = vehicle.command_int(REQUEST, VERSION)
-    message.target_system = vehicle.unused_sysid()
-    return message
+    vehicle.send(build(vehicle))
+    frames = vehicle.wait(1.5)
+    holds(not any(f.kind == "AUTOPILOT_VERSION" for f in frames), "expected no AUTOPILOT_VERSION, saw one")
+    return ", ".join(one_of(_results(frames), allowed, "answers")) or "no answer"
 
 
 checks(
@@ -136,7 +134,7 @@ checks(
         lambda v: v.version_request(to=(v.unused_sysid(), 1))),
     row("another_vehicle_int",
         "A COMMAND_INT to another system is not executed; ArduPilot is silent, PX4 answers FAILED.",
-        _to_another),
+        lambda v: v.command_int(REQUEST, VERSION, to=(v.unused_sysid(), 1))),
     row("broadcast_is_refused", "PX4 does not execute REQUEST_MESSAGE to system 0.",
         lambda v: v.version_request(to=(0, 0)), dialects=("px4",)),
     source=FOREIGN,
@@ -148,8 +146,8 @@ def broadcast(vehicle: VehicleUnderTest) -> str:
     """A command to system 0 reaches the vehicle; PX4 executes only a few such commands."""
     capabilities = mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES
     command, param = vehicle.known(ardupilot=(REQUEST, VERSION), px4=(capabilities, 1))
-    mark = vehicle.send(vehicle.command_long(command, param, to=(0, 0)))
-    return str(vehicle.expect("AUTOPILOT_VERSION", mark=mark).get_type())
+    vehicle.send(vehicle.command_long(command, param, to=(0, 0)))
+    return str(vehicle.expect("AUTOPILOT_VERSION").get_type())
 
 
 @check("commands.target")
@@ -162,8 +160,9 @@ def all_components(vehicle: VehicleUnderTest) -> None:
 def other_component(vehicle: VehicleUnderTest) -> str:
     """A command to component 77 is executed by ArduPilot; PX4 answers FAILED."""
     expected = vehicle.known(ardupilot=(ACCEPTED, True), px4=("FAILED", False))
-    mark = vehicle.send(vehicle.version_request(to=(vehicle.identity.sysid, 77)))
-    ack = vehicle.expect("COMMAND_ACK", lambda m: m.command == REQUEST, mark=mark)
+    mark = vehicle.mark()
+    vehicle.send(vehicle.version_request(to=(vehicle.identity.sysid, 77)))
+    ack = vehicle.expect("COMMAND_ACK", lambda m: m.command == REQUEST)
     vehicle.wait(0.5)
     executed = bool(vehicle.since(mark, "AUTOPILOT_VERSION"))
     return equal((result_name(ack.result), executed), expected, "result, executed")[0]
@@ -179,10 +178,9 @@ def any_is_obeyed(vehicle: VehicleUnderTest) -> str:
 @check("commands.station")
 def two_at_once(vehicle: VehicleUnderTest) -> str:
     """The vehicle acknowledges two commands that two stations send at the same moment."""
-    mark = vehicle.send(vehicle.version_request())
+    vehicle.send(vehicle.version_request())
     vehicle.send(vehicle.version_request(), SECOND_STATION)
-    vehicle.wait(1.5)
-    targets = [m.target_system for m in vehicle.since(mark, "COMMAND_ACK") if m.command == REQUEST]
+    targets = [ack.target_system for ack in _acks(vehicle.wait(1.5))]
     equal(len(targets), 2, "acknowledgements")
     return f"to {targets}"
 
@@ -216,9 +214,9 @@ def message_interval_nan(vehicle: VehicleUnderTest) -> str:
     return f"{at_most(count, 200, 'ATTITUDE in 2 s')} in 2 s"
 
 
-def _wait_for_end(vehicle: VehicleUnderTest, mark: int) -> None:
-    """Wait for the final acknowledgement of the calibration."""
-    vehicle.expect(
+def _wait_for_end(vehicle: VehicleUnderTest, mark: int) -> Any:
+    """Return the final acknowledgement of the calibration that began at a mark."""
+    return vehicle.expect(
         "COMMAND_ACK",
         lambda m: m.command == CALIBRATE and m.result != mavlink.MAV_RESULT_IN_PROGRESS,
         within_s=CALIBRATION_S,
@@ -230,10 +228,11 @@ def _wait_for_end(vehicle: VehicleUnderTest, mark: int) -> None:
 @check("commands.progress", needs=[ALTER])
 def ends_in_a_result(vehicle: VehicleUnderTest) -> str:
     """A gyroscope calibration has one final acknowledgement, and it comes last, within 60 s."""
-    mark = vehicle.send(vehicle.command_long(CALIBRATE, 1))
+    mark = vehicle.mark()
+    vehicle.send(vehicle.command_long(CALIBRATE, 1))
     _wait_for_end(vehicle, mark)
     vehicle.wait(3.0)
-    results = _results(vehicle, mark, CALIBRATE)
+    results = _results(vehicle.received[mark:], CALIBRATE)
     if results == ["UNSUPPORTED"]:
         raise Skip("the vehicle does not calibrate on command")
     equal(results[-1:], [name for name in results if name != "IN_PROGRESS"], "final results, one and last")
@@ -249,14 +248,14 @@ def _cancel(vehicle: VehicleUnderTest, command: int) -> None:
 @check("commands.progress", needs=[ALTER])
 def can_be_cancelled(vehicle: VehicleUnderTest) -> str:
     """After COMMAND_CANCEL, a command in progress has a final acknowledgement within 60 s."""
-    mark = vehicle.send(vehicle.command_long(CALIBRATE, 1))
-    vehicle.expect("COMMAND_ACK", lambda m: m.command == CALIBRATE, within_s=CALIBRATION_S, mark=mark)
-    first = _results(vehicle, mark, CALIBRATE)[0]
+    mark = vehicle.mark()
+    vehicle.send(vehicle.command_long(CALIBRATE, 1))
+    ack = vehicle.expect("COMMAND_ACK", lambda m: m.command == CALIBRATE, within_s=CALIBRATION_S)
+    first = result_name(ack.result)
     if first != "IN_PROGRESS":
         raise Skip(f"the calibration ended at once with {first}: nothing to cancel")
     _cancel(vehicle, CALIBRATE)
-    _wait_for_end(vehicle, mark)
-    return _results(vehicle, mark, CALIBRATE)[-1]
+    return result_name(_wait_for_end(vehicle, mark).result)
 
 
 @check("commands.progress")

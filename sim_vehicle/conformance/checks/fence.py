@@ -211,7 +211,7 @@ def interleaved_with_mission(vehicle: VehicleUnderTest) -> None:
         vehicle.send(plans.count_message(vehicle, len(items), kind))
     results: dict[int, int] = {}
     while len(results) < 2:
-        entry, mark = plans.next_step(vehicle, mark=mark)
+        entry, mark = plans.next_step(vehicle, mark)
         kind = entry.message.mission_type
         if entry.kind == "MISSION_ACK":
             results[kind] = entry.message.type

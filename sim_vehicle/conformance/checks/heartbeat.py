@@ -194,8 +194,8 @@ def by_request_capabilities(vehicle: VehicleUnderTest) -> None:
 def by_old_message(vehicle: VehicleUnderTest) -> None:
     """ArduPilot answers AUTOPILOT_VERSION_REQUEST with AUTOPILOT_VERSION, PX4 not at all."""
     answered = vehicle.known(ardupilot=True, px4=False)
-    mark = vehicle.send(mavlink.MAVLink_autopilot_version_request_message(*vehicle.target))
-    version = vehicle.wait_for("AUTOPILOT_VERSION", within_s=2.0, mark=mark)
+    vehicle.send(mavlink.MAVLink_autopilot_version_request_message(*vehicle.target))
+    version = vehicle.wait_for("AUTOPILOT_VERSION", within_s=2.0)
     equal(version is not None, answered, "AUTOPILOT_VERSION is sent")
 
 

@@ -64,7 +64,8 @@ def _data(vehicle: VehicleUnderTest, log_id: int, offset: int, count: int) -> by
         if len(found) >= count:
             break
         request = log_id, offset + len(found), count - len(found)
-        mark = vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, *request))
+        mark = vehicle.mark()
+        vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, *request))
         while len(found) < count:
             is_next = _is_data(log_id, offset + len(found))
             message = vehicle.wait_for("LOG_DATA", is_next, mark=mark)
@@ -144,10 +145,9 @@ def end_of_log(vehicle: VehicleUnderTest) -> str:
 def unknown_id(vehicle: VehicleUnderTest) -> None:
     """A request for a missing log brings no data."""
     _entries(vehicle)  # PX4 sends data only after a list request
-    mark = vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, 60_000, 0, 500))
-    vehicle.wait(2.0)
+    vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, 60_000, 0, 500))
+    received = [m for m in vehicle.listen("LOG_DATA", 2.0) if m.count]
     _end_transfer(vehicle)
-    received = [m for m in vehicle.since(mark, "LOG_DATA") if m.count]
     equal(len(received), 0, "LOG_DATA with bytes")
 
 
@@ -158,9 +158,10 @@ def download_can_be_ended(vehicle: VehicleUnderTest) -> str:
     if entry is None or entry.size <= BYTES_IN_FLIGHT:
         _end_transfer(vehicle)
         raise Skip(f"the vehicle holds no log of more than {BYTES_IN_FLIGHT // 1000} kB")
-    mark = vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, entry.id, 0, 0xFFFFFFFF))
+    mark = vehicle.mark()
+    vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, entry.id, 0, 0xFFFFFFFF))
     try:
-        vehicle.expect("LOG_DATA", lambda m: m.id == entry.id and m.count, within_s=3.0, mark=mark)
+        vehicle.expect("LOG_DATA", lambda m: m.id == entry.id and m.count, within_s=3.0)
     finally:
         with vehicle.extra_time():
             _end_transfer(vehicle)

@@ -205,8 +205,9 @@ def beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """A request for a missing item is refused with an acknowledgement."""
     plans.store_sample(vehicle)
     beyond = plans.open_list(vehicle) + 5
-    mark = vehicle.send(mavlink.MAVLink_mission_request_int_message(*vehicle.target, beyond, MISSION))
-    result = plans.next_result(vehicle, mark)
+    mark = vehicle.mark()
+    vehicle.send(mavlink.MAVLink_mission_request_int_message(*vehicle.target, beyond, MISSION))
+    result = plans.next_result(vehicle)
     plans.end_download(vehicle)
     equal(vehicle.since(mark, "MISSION_ITEM_INT"), [], "MISSION_ITEM_INT")
     return refused(result)
@@ -218,8 +219,8 @@ def another_vehicles(vehicle: VehicleUnderTest) -> None:
     plans.store_sample(vehicle)
     plans.count(vehicle)  # confirms that the vehicle answers
     target = vehicle.unused_sysid(), vehicle.identity.component
-    mark = vehicle.send(mavlink.MAVLink_mission_request_list_message(*target, MISSION))
-    vehicle.expect_none("MISSION_COUNT", during_s=1.5, mark=mark)
+    vehicle.send(mavlink.MAVLink_mission_request_list_message(*target, MISSION))
+    vehicle.expect_none("MISSION_COUNT", during_s=1.5)
 
 
 @check("mission.clear")
@@ -252,8 +253,8 @@ def other_component(vehicle: VehicleUnderTest) -> None:
     """A mission request to component 77 is answered by ArduPilot and ignored by PX4."""
     executes = vehicle.known(ardupilot=True, px4=False)
     plans.store_sample(vehicle)
-    mark = vehicle.send(mavlink.MAVLink_mission_request_list_message(vehicle.identity.sysid, 77, MISSION))
-    equal(vehicle.wait_for("MISSION_COUNT", mark=mark) is not None, executes, "answered")
+    vehicle.send(mavlink.MAVLink_mission_request_list_message(vehicle.identity.sysid, 77, MISSION))
+    equal(vehicle.wait_for("MISSION_COUNT") is not None, executes, "answered")
     plans.end_download(vehicle)
 
 
@@ -261,10 +262,9 @@ def other_component(vehicle: VehicleUnderTest) -> None:
 def plan_of_no_kind(vehicle: VehicleUnderTest) -> str:
     """A list request of type 3 is UNSUPPORTED on ArduPilot, and has count 0 on PX4."""
     refuses = vehicle.known(ardupilot=True, px4=False)
-    mark = vehicle.send(plans.request_list(vehicle, 3))
+    vehicle.send(plans.request_list(vehicle, 3))
     if refuses:
-        result = mission_result_name(vehicle.expect("MISSION_ACK", mark=mark).type)
-        return equal(result, "UNSUPPORTED", "type 3")
-    equal(vehicle.expect("MISSION_COUNT", mark=mark).count, 0, "count")
+        return equal(mission_result_name(vehicle.expect("MISSION_ACK").type), "UNSUPPORTED", "type 3")
+    equal(vehicle.expect("MISSION_COUNT").count, 0, "count")
     plans.end_download(vehicle, 3)
     return "count 0"

@@ -25,9 +25,8 @@ def _current(vehicle: VehicleUnderTest) -> Any:
     return vehicle.request("MISSION_CURRENT")
 
 
-def _has_been_current(vehicle: VehicleUnderTest, mark: int, seq: int) -> bool:
-    """Return True if MISSION_CURRENT has reported item `seq` since the mark."""
-    return any(message.seq == seq for message in vehicle.since(mark, "MISSION_CURRENT"))
+def _is_item(seq: int, message: Any) -> bool:
+    return bool(message.seq == seq)
 
 
 @check("mission.current", source="AUTOPILOTS 2: MISSION_CURRENT.total does not include home")
@@ -71,8 +70,8 @@ def set_by_message(vehicle: VehicleUnderTest) -> None:
     plans.store_sample(vehicle)
     vehicle.wait(CHECKED_S)
     for seq in (2, 1):
-        mark = flying.set_current(vehicle, seq)
-        vehicle.wait_until(partial(_has_been_current, vehicle, mark, seq), f"MISSION_CURRENT {seq}", 3.0)
+        flying.set_current(vehicle, seq)
+        vehicle.expect("MISSION_CURRENT", partial(_is_item, seq), within_s=3.0)
 
 
 @check("mission.current")
@@ -166,10 +165,10 @@ checks(
 def too_many(vehicle: VehicleUnderTest) -> str:
     """MISSION_COUNT 3000 is refused with NO_SPACE by ArduPilot; PX4 requests the first item."""
     refuses = vehicle.known(ardupilot=True, px4=False)
-    mark = vehicle.send(plans.count_message(vehicle, 3000))
+    vehicle.send(plans.count_message(vehicle, 3000))
     if refuses:
-        return equal(plans.next_result(vehicle, mark), "NO_SPACE", "3000 items")
-    equal(plans.next_request(vehicle, mark=mark), 0, "requested item")
+        return equal(plans.next_result(vehicle), "NO_SPACE", "3000 items")
+    equal(plans.next_request(vehicle), 0, "requested item")
     plans.cancel_upload(vehicle)
     return "item 0 requested"
 
@@ -179,7 +178,8 @@ def item_without_upload(vehicle: VehicleUnderTest) -> str:
     """An item without an upload is refused and changes nothing."""
     items = plans.store_sample(vehicle)
     stray = plans.waypoint(plans.current_position(vehicle), 900, 900)
-    result = refused(plans.next_result(vehicle, vehicle.send(stray.message(vehicle.target, 1))))
+    vehicle.send(stray.message(vehicle.target, 1))
+    result = refused(plans.next_result(vehicle))
     plans.expect_stored(vehicle, items)
     return result
 

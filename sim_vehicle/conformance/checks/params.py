@@ -32,18 +32,10 @@ def _first(vehicle: VehicleUnderTest) -> str:
     return next(iter(parameters.listed(vehicle)))
 
 
-def _is_listed(message: Any) -> bool:
-    """Return True for a value of a list; a value that is reported unasked (STAT_RUNTIME) has no index."""
-    return bool(message.param_index != parameters.UNINDEXED)
-
-
 @check("parameters.list")
 def is_complete(vehicle: VehicleUnderTest) -> str:
     """One request brings at least 95 % of the list; names and indices are unique, the count is constant."""
-    mark = vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
-    parameters.wait_for_list(vehicle, mark)
-    listed = [m for m in vehicle.since(mark, "PARAM_VALUE") if _is_listed(m)]
-    holds(bool(listed), "expected PARAM_VALUE for PARAM_REQUEST_LIST, saw none")
+    listed = parameters.request_list(vehicle)
     count = listed[0].param_count
     equal({m.param_count for m in listed}, {count}, "param_count")
     names = {m.param_index: m.param_id for m in listed}
@@ -111,7 +103,7 @@ checks(
     "parameters", _is_unanswered,
     row("list.another_vehicles", "The vehicle does not answer a list request to another system.",
         lambda v: mavlink.MAVLink_param_request_list_message(v.unused_sysid(), v.identity.component),
-        lambda _: _is_listed),
+        lambda _: parameters.is_listed),
     row("read.another_vehicles", "The vehicle does not answer a read request to another system.",
         lambda v: parameters.read_message(v, _first(v), sysid=v.unused_sysid()),
         lambda v: lambda m: m.param_id == _first(v)),

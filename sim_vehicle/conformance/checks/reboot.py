@@ -11,6 +11,7 @@ from sim_vehicle.conformance.checks.fence import polygon
 from sim_vehicle.conformance.guard import ARM, REBOOT
 from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.definitions import id_of
 
 MIN_UPTIME_S = 20.0  # shortest time since the boot before a reboot; a lower time afterwards proves it
 MAX_REBOOT_S = 60.0  # longest time from the reboot to an answer
@@ -42,10 +43,8 @@ def _reboot(vehicle: VehicleUnderTest) -> float:
         if vehicle.wait_for("HEARTBEAT", within_s=3.0) is None:
             continue
         for _ in range(3):
-            mark = vehicle.send(
-                vehicle.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_SYSTEM_TIME)
-            )
-            answer = vehicle.wait_for("SYSTEM_TIME", within_s=1.0, mark=mark)
+            vehicle.send(vehicle.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, id_of("SYSTEM_TIME")))
+            answer = vehicle.wait_for("SYSTEM_TIME", within_s=1.0)
             if answer is not None and answer.time_boot_ms < before_ms:
                 took_s = vehicle.now - rebooted_s
                 vehicle.wait(SETTLE_S)
