@@ -112,10 +112,6 @@ def wait_until_disarmed(vehicle: VehicleUnderTest, within_s: float = HEARTBEAT_L
     return vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", within_s)
 
 
-def wait_until_landed(vehicle: VehicleUnderTest, within_s: float = LAND_S) -> float:
-    return vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", within_s)
-
-
 @contextmanager
 def armed(vehicle: VehicleUnderTest) -> Iterator[None]:
     """Arm the vehicle, and disarm it at the end; after a failure the runner disarms it."""
@@ -255,7 +251,7 @@ def ensure_landed(vehicle: VehicleUnderTest) -> None:
         _land_by_mission(vehicle)
     else:
         set_mode(vehicle, "land")
-    wait_until_landed(vehicle)
+    wait_until_disarmed(vehicle, LAND_S)
 
 
 def _land_by_mission(vehicle: VehicleUnderTest) -> None:

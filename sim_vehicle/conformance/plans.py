@@ -268,8 +268,10 @@ class PlanBackup:
         self._vehicle = vehicle
         self._copies: dict[int, list[PlanItem]] = {}
         self.unsaved: dict[int, str] = {}  # type of an unreadable plan -> reason
+        self.is_taken = False
 
     def save(self) -> None:
+        self.is_taken = True
         for kind, capability in CAPABILITIES.items():
             if capability is None or self._vehicle.identity.claims(capability):
                 self._save(kind)

@@ -165,7 +165,7 @@ class _RunState:
     def __init__(self, vehicle: VehicleUnderTest, on_result: Callable[[CheckResult], None]) -> None:
         self._vehicle, self._on_result = vehicle, on_result
         self.boots = _BootWatch(vehicle)
-        self._backup: PlanBackup | None = None
+        self._backup = PlanBackup(vehicle)
         self._battery_enlarged = False  # also True if the vehicle has no battery parameter
         self._reported: set[int] = set()  # types of unsaved plans that already failed a check
         self.results: list[CheckResult] = []
@@ -184,10 +184,9 @@ class _RunState:
 
     def _result_of(self, check: Check) -> CheckResult:
         if check.dangerous and self._restored is None:
-            self._restored, self._backup = self._restore(), None
-        if self._backup is None and check.category in WRITES_PLANS:
+            self._restored = self._restore()
+        if check.category in WRITES_PLANS and not self._backup.is_taken:
             self._vehicle.begin_check()
-            self._backup = PlanBackup(self._vehicle)
             self._backup.save()
         unsaved = self._unsaved(check)
         if unsaved is not None:
@@ -204,7 +203,8 @@ class _RunState:
 
     def _failure_after(self, check: Check) -> str | None:
         """Wait until the vehicle is back; return a text about its silence or unasked reboot, or None."""
-        silent = not _alive(self._vehicle)
+        quiet_s = self._vehicle.now - self._vehicle.last["HEARTBEAT"].at_s
+        silent = quiet_s >= SILENCE_S and not _sends_heartbeats(self._vehicle, SILENCE_S)
         if silent and not _sends_heartbeats(self._vehicle, HEARTBEAT_WAIT_S):
             self.stop_reason = (
                 f"the vehicle sent no heartbeat for {SILENCE_S + HEARTBEAT_WAIT_S:g} s after {check.name}; "
@@ -217,18 +217,14 @@ class _RunState:
 
     def _unsaved(self, check: Check) -> CheckResult | None:
         """Return the result of a check that could overwrite a plan without a copy, else None."""
-        unsaved = self._backup.unsaved if self._backup is not None else {}
         for kind in WRITES_PLANS.get(check.category, ()):
-            if kind in unsaved:
+            if kind in self._backup.unsaved:
                 # Only the first check of an unsaved plan fails; further checks are skipped.
                 outcome = Outcome.SKIPPED if kind in self._reported else Outcome.FAILED
                 self._reported.add(kind)
-                return CheckResult(
-                    check,
-                    outcome,
-                    f"not run: the {PLAN_NAMES[kind]} could not be saved: {unsaved[kind]} [plan-unsaved]",
-                    0.0,
-                )
+                why = f"{self._backup.unsaved[kind]} [plan-unsaved]"
+                seen = f"not run: the {PLAN_NAMES[kind]} could not be saved: {why}"
+                return CheckResult(check, outcome, seen, 0.0)
         return None
 
     def restore_vehicle(self) -> list[str]:
@@ -243,14 +239,13 @@ class _RunState:
     def _restore(self) -> list[str]:
         vehicle, backup = self._vehicle, self._backup
         vehicle.begin_check()
-        unsaved = {} if backup is None else backup.unsaved
         notes = [
             f"the {PLAN_NAMES[kind]} could not be saved and was not overwritten: {why} [plan-unsaved]"
-            for kind, why in unsaved.items()
+            for kind, why in backup.unsaved.items()
         ]
         if not _sends_heartbeats(vehicle, HEARTBEAT_WAIT_S):
             state = "armed" if vehicle.armed else "disarmed"
-            changed = [*vehicle.pending_restores, *(backup.names() if backup is not None else [])]
+            changed = [*vehicle.pending_restores, *backup.names()]
             lost = (
                 f"the vehicle sent no heartbeat for {HEARTBEAT_WAIT_S:g} s (last heartbeat: {state}); "
                 f"these changes remain: {', '.join(changed) or 'none'} [vehicle-lost]"
@@ -259,9 +254,9 @@ class _RunState:
         if ARM in vehicle.permissions:
             vehicle.wait(flying.HEARTBEAT_LAG_S)  # the heartbeat may not yet show a recent arming
         notes += _land(vehicle)
-        if backup is not None and vehicle.armed:  # a plan in use must not change
+        if backup.is_taken and vehicle.armed:  # a plan in use must not change
             notes.append("the plans were not restored, because the vehicle is armed [not-restored]")
-        elif backup is not None:
+        else:
             notes += backup.restore()
         return notes + vehicle.restore_all()
 
@@ -349,13 +344,6 @@ def _check_battery(vehicle: VehicleUnderTest) -> None:
     if 0 <= percent < LOW_BATTERY_PERCENT:
         flying.ensure_landed(vehicle)
         raise Skip(f"the battery is at {percent} % (limit {LOW_BATTERY_PERCENT} %) [battery-low]")
-
-
-def _alive(vehicle: VehicleUnderTest) -> bool:
-    """Return True if the latest heartbeat is recent, or a heartbeat arrives within `SILENCE_S`."""
-    if vehicle.now - vehicle.last["HEARTBEAT"].at_s < SILENCE_S:
-        return True
-    return _sends_heartbeats(vehicle, SILENCE_S)
 
 
 def _sends_heartbeats(vehicle: VehicleUnderTest, within_s: float) -> bool:

@@ -232,7 +232,7 @@ def comes_home(vehicle: VehicleUnderTest) -> str:
     flying.wait_until_near(vehicle, away, 60, 5)
     vehicle.expect_accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     flying.wait_for_mode(vehicle, "return")
-    took_s = flying.wait_until_landed(vehicle, 240)
+    took_s = flying.wait_until_disarmed(vehicle, 240)
     off_m = at_most(flying.distance_to_m(vehicle, target), 5, "distance of the landing from home [m]")
     return f"{off_m:.2f} m from home after {took_s:.0f} s"
 
@@ -264,7 +264,7 @@ def comes_down(vehicle: VehicleUnderTest) -> str:
     """After NAV_LAND the vehicle lands within 4 m and disarms, and landed_state is ON_GROUND."""
     place = flying.last_position(vehicle)
     vehicle.expect_accepted(mavlink.MAV_CMD_NAV_LAND)
-    took_s = flying.wait_until_landed(vehicle, 120)
+    took_s = flying.wait_until_disarmed(vehicle, 120)
     off_m = at_most(flying.distance_to_m(vehicle, place), 4, "distance of the landing [m]")
     near(flying.height_m(vehicle), 0.0, 2.0, "height [m]")
     vehicle.wait(1.0)

@@ -86,7 +86,7 @@ def after_landing(vehicle: VehicleUnderTest) -> str:
     items = plans.takeoff(place, 6.0), plans.waypoint(place, 8, 0, 6.0), plans.land(place, 8, 0)
     plans.upload_or_fail(vehicle, plans.plan(vehicle, *items))
     missions.start(vehicle)
-    flying.wait_until_landed(vehicle, 200)
+    flying.wait_until_disarmed(vehicle, 200)
     vehicle.wait(2.0)
     message = vehicle.request("MISSION_CURRENT")
     expected = (0, mavlink.MISSION_STATE_COMPLETE), (1, mavlink.MISSION_STATE_ACTIVE)
@@ -167,7 +167,7 @@ def fence_breach(vehicle: VehicleUnderTest) -> str:
         vehicle.expect_text("breached", mark)
         near(out_m, 60.0, 25.0, "distance from the start [m]")
         flying.set_mode(vehicle, "land")
-        flying.wait_until_landed(vehicle, 120)
+        flying.wait_until_disarmed(vehicle, 120)
     return f"RTL at {out_m:.0f} m"
 
 
