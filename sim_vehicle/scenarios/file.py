@@ -78,11 +78,6 @@ def parse_scenario(text: str, file: str, *, default_name: str = "", standalone: 
     raise ScenarioError("\n".join(_lines(findings, document, file)))
 
 
-def parse_data(data: dict[str, Any]) -> Scenario:
-    """Return the scenario of data without short forms; raise ScenarioError with all problems."""
-    return validated(Scenario, data)
-
-
 def read_step(action: str, value: Any) -> ScriptStep:
     """Return one step of a script from its name and value; raise ScenarioError if the step is invalid."""
     actions = [name for name in ScriptStep.choices() if name != "heartbeat"]  # concerns all vehicles
@@ -244,4 +239,4 @@ def default_scenario(
     findings, data, _ = _expanded({"seed": seed, "home": place, "vehicles": entries})
     if findings:
         raise ScenarioError("\n".join(f"{'.'.join(map(str, path))}: {text}" for path, text in findings))
-    return parse_data(data)
+    return validated(Scenario, data)

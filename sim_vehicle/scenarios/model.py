@@ -177,12 +177,10 @@ class Scenario(Section):
             *self._script_problems(),
             *self._check_requirements(),
             *self._mode_problems(),
-            *self._late_steps_and_checks(),
+            # A fault of `serve --fault` may begin at any time, because `serve` has no end.
+            *self._late_entries(with_faults=bool(info.context and info.context.get("from_file"))),
             *self._distant_vehicles(),
         ]
-        # A fault of `serve --fault` may begin at any time, because `serve` has no end.
-        if info.context and info.context.get("from_file"):
-            findings += self._late_faults()
         if info.context and info.context.get("standalone"):
             findings += self._idle_problems()
         if findings:
@@ -289,24 +287,15 @@ class Scenario(Section):
             if available and (text := _mode_problem(alternatives, available)):
                 yield where, f"{what}: {text}"  # unknown vehicles have their own finding
 
-    def _late_steps_and_checks(self) -> Iterator[Finding]:
+    def _late_entries(self, *, with_faults: bool) -> Iterator[Finding]:
+        """Find steps, checks and faults that begin or end after the run."""
         for index, step in enumerate(self.script):
-            if step.at_s >= self.until_s:
-                yield ("script", index), self._too_late(step.chosen, "at_s", step.at_s)
+            yield from self._too_late(("script", index), step.chosen, at_s=step.at_s)
         for index, check in enumerate(self.checks):
-            settings = check.settings
-            if settings.from_s >= self.until_s:
-                yield ("checks", index), self._too_late(check.chosen, "from_s", settings.from_s)
-                continue
-            for name, time_s in (("until_s", settings.until_s), ("by_s", settings.by_s)):
-                if time_s is not None and time_s > self.until_s:
-                    yield ("checks", index), self._too_late(check.chosen, name, time_s)
-                    break
-
-    def _late_faults(self) -> Iterator[Finding]:
-        for index, fault in enumerate(self.faults):
-            if fault.at_s >= self.until_s:
-                yield ("faults", index), self._too_late(fault.fault, "at_s", fault.at_s)
+            times = {name: getattr(check.settings, name) for name in ("from_s", "until_s", "by_s")}
+            yield from self._too_late(("checks", index), check.chosen, **times)
+        for index, fault in enumerate(self.faults if with_faults else ()):
+            yield from self._too_late(("faults", index), fault.fault, at_s=fault.at_s)
 
     def _idle_problems(self) -> Iterator[Finding]:
         """Find a missing script, and missions that no step uploads."""
@@ -329,9 +318,15 @@ class Scenario(Section):
                 return f"has no mode {step.mode!r}; its modes are {', '.join(names)}"
         return _missing_for_step(step, vehicle)
 
-    def _too_late(self, what: str, name: str, time_s: float) -> str:
+    def _too_late(self, where: KeyPath, what: str, **times_s: float | None) -> Iterator[Finding]:
+        """Find the first time after the run; an entry must also begin before the end of the run."""
         end = f"the run ends at the scenario's `until_s` ({self.until_s:g} s)"
-        return f"{what}: `{name}` ({time_s:g} s) is too late, because {end}; change one of the two times"
+        for name, time_s in times_s.items():
+            begins = name in ("at_s", "from_s")
+            if time_s is not None and (time_s > self.until_s or (begins and time_s == self.until_s)):
+                text = f"`{name}` ({time_s:g} s) is too late, because {end}; change one of the two times"
+                yield where, f"{what}: {text}"
+                return
 
     def selected(self, sysids: Collection[int] | None) -> list[VehicleSpec]:
         """Return the vehicles with these system ids, on any link; None selects all vehicles."""

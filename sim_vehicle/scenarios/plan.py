@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import LocalFrame
@@ -27,6 +28,27 @@ WITHOUT_PLACE = frozenset(
 )
 MIN_WIDTH_M = 0.02  # width of the narrowest polygon; MAVLink's unit of 1e-7 degrees is 1.1 cm
 MAX_NUMBER = {"MAV_CMD_": 0xFFFF, "MAV_FRAME_": 0xFF}  # largest number of the MAVLink field
+
+
+def mavlink_number(prefix: str, value: str | int) -> int:
+    """Return the MAVLink number of a number or name; raise ValueError if unknown. `prefix`: `MAV_CMD_`, …"""
+    if isinstance(value, int):
+        if not 0 <= value <= MAX_NUMBER[prefix]:
+            raise ValueError(
+                f"{prefix}* must be a number from 0 to {MAX_NUMBER[prefix]}, found {value!r:.60}"
+            )
+        return value
+    members = {entry.name: found for found, entry in mavlink.enums[prefix.removesuffix("_")].items()}
+    name = value if value.startswith(prefix) else prefix + value
+    if name not in members or name == f"{prefix}ENUM_END":
+        raise ValueError(
+            f"{value!r} is not a name in {prefix}*; use a name of the MAVLink enumeration, or a number"
+        )
+    return int(members[name])
+
+
+# A name of MAV_CMD, with or without its prefix, or a number; the value is the number.
+Command = Annotated[str | int, AfterValidator(partial(mavlink_number, "MAV_CMD_"))]
 
 
 class StartOffset(Section):
@@ -89,8 +111,8 @@ class Jump(Section):
 class RawItem(Section):
     """Any mission command, with a position [m] from the start; the frame gives the meaning of z."""
 
-    command: str | int
-    frame: str | int = "GLOBAL_RELATIVE_ALT"
+    command: Command
+    frame: Annotated[str | int, AfterValidator(partial(mavlink_number, "MAV_FRAME_"))] = "GLOBAL_RELATIVE_ALT"
     param1: Number = 0.0
     param2: Number = 0.0
     param3: Number = 0.0
@@ -98,12 +120,6 @@ class RawItem(Section):
     east_m: Metres | None = None
     north_m: Metres | None = None
     z: Number = 0.0
-
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        mavlink_number("MAV_CMD_", self.command)
-        mavlink_number("MAV_FRAME_", self.frame)
-        return self
 
 
 def _height_alone(value: Any) -> Any:
@@ -204,23 +220,6 @@ def _width_m(corners: Sequence[tuple[float, float]]) -> float:
         return 0.0
     east, north = (farthest[0] - first[0]) / length_m, (farthest[1] - first[1]) / length_m
     return max(abs(east * (c[1] - first[1]) - north * (c[0] - first[0])) for c in corners)
-
-
-def mavlink_number(prefix: str, value: str | int) -> int:
-    """Return the MAVLink number of a number or name; raise ValueError if unknown. `prefix`: `MAV_CMD_`, …"""
-    if isinstance(value, int):
-        if not 0 <= value <= MAX_NUMBER[prefix]:
-            raise ValueError(
-                f"{prefix}* must be a number from 0 to {MAX_NUMBER[prefix]}, found {value!r:.60}"
-            )
-        return value
-    members = {entry.name: found for found, entry in mavlink.enums[prefix.removesuffix("_")].items()}
-    name = value if value.startswith(prefix) else prefix + value
-    if name not in members or name == f"{prefix}ENUM_END":
-        raise ValueError(
-            f"{value!r} is not a name in {prefix}*; use a name of the MAVLink enumeration, or a number"
-        )
-    return int(members[name])
 
 
 class PlanWriter:

@@ -103,23 +103,21 @@ class ScriptStation:
             (step.at_s, step.heartbeat) for step in scenario.script if step.heartbeat is not None
         )
         for index, contact in enumerate(self.contacts):
-            step_exchanges = StepExchanges(contact.spec, self._sender(index))
             for number, step in enumerate(scenario.script):
                 selected = step.vehicles is None or contact.spec.sysid in step.vehicles
                 if selected and step.heartbeat is None:
-                    contact.pending.append(_StepRun(number, step, step_exchanges.exchanges(step)))
+                    self.append_step(index, step, number)
 
     @property
     def done(self) -> bool:
         """True if every step has ended."""
         return not any(contact.pending for contact in self.contacts)
 
-    def append_step(self, index: int, step: ScriptStep) -> None:
-        """Append a step after the pending steps of one vehicle."""
+    def append_step(self, index: int, step: ScriptStep, number: int = -1) -> None:
+        """Append a step after the pending steps of one vehicle; `number`: its index in the script."""
         contact = self.contacts[index]
-        contact.pending.append(
-            _StepRun(-1, step, StepExchanges(contact.spec, self._sender(index)).exchanges(step))
-        )
+        exchanges = StepExchanges(contact.spec, self._sender(index)).exchanges(step)
+        contact.pending.append(_StepRun(number, step, exchanges))
 
     def receive(self, index: int, data: bytes, now: float) -> None:
         """Process bytes of one vehicle."""

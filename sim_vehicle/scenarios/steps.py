@@ -2,11 +2,11 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
+from pydantic import BeforeValidator, Field, create_model, model_validator
 
 from sim_vehicle.scenarios.base import Metres, NoSettings, Number, OneOf, Seconds, Section, SystemId
 from sim_vehicle.scenarios.checks import CHECKS, Check, When
-from sim_vehicle.scenarios.plan import Height, mavlink_number
+from sim_vehicle.scenarios.plan import Command, Height
 
 
 class GoTo(Section):
@@ -20,14 +20,8 @@ class GoTo(Section):
 class RawCommand(Section):
     """Any MAV_CMD as COMMAND_LONG."""
 
-    command: str | int
+    command: Command
     params: Annotated[tuple[Number, ...], Field(max_length=7)] = ()
-
-    @field_validator("command")
-    @classmethod
-    def _known(cls, value: str | int) -> str | int:
-        mavlink_number("MAV_CMD_", value)
-        return value
 
 
 class ScriptStep(OneOf):

@@ -15,7 +15,7 @@ from sim_vehicle.personalities import PERSONALITIES, personality_of
 from sim_vehicle.problems import nearest
 from sim_vehicle.scenarios import Scenario, ScenarioError, Wind, default_scenario, load_scenario
 from sim_vehicle.scenarios.base import Heading
-from sim_vehicle.scenarios.file import Home, parse_data, validated
+from sim_vehicle.scenarios.file import Home, validated
 
 MAX_SYSID = 250
 DEFAULT_HOME = "46.0490,14.5060,300"  # Ljubljana, Slovenia
@@ -99,7 +99,7 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
 
 def _validated(data: dict[str, object]) -> Scenario:
     try:
-        return parse_data(data)
+        return validated(Scenario, data)
     except ScenarioError as error:  # a value out of range, or an unknown system id
         raise OptionError(str(error)) from error
 

@@ -15,7 +15,7 @@ from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import PERSONALITIES
 from sim_vehicle.problems import remedy
 from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
-from sim_vehicle.scenarios.file import parse_data, read_step
+from sim_vehicle.scenarios.file import read_step, validated
 from sim_vehicle.scenarios.script import ScriptStation
 from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.serving.tlog import tlogs
@@ -360,7 +360,7 @@ def scenario_for(
     data["wind"] = {**data["wind"], **(wind or {})}
     for vehicle in data["vehicles"]:
         vehicle["params"] = {**vehicle["params"], **(params or {})}
-    return parse_data(data)
+    return validated(Scenario, data)
 
 
 def _check_choice(argument: str, given: str, choices: Sequence[str]) -> None:

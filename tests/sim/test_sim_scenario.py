@@ -290,7 +290,7 @@ faults: [packet_los]
         (HOME + "count: 1\nscript: [mode: RTL|Retrun]", 3, "'Retrun'"),
         (HOME + "count: 1\nscript: [command: {command: ENUM_END}]", 3, "command.command: 'ENUM_END'"),
         (HOME + "count: 1\nscript: [command: {command: 70000}]", 3, "from 0 to 65535, found 70000"),
-        (HOME + "vehicles: [{mission: [item: {command: MAV_CMD_ENUM_END}]}]", 2, "item: 'MAV_CMD_ENUM_END'"),
+        (HOME + "vehicles: [{mission: [item: {command: MAV_CMD_ENUM_END}]}]", 2, "command: 'MAV_CMD_ENUM"),
         # plans that cannot be flown
         (HOME + "vehicles:\n  - mission:\n    - takeoff: 10\n    - jump: {to: 9}", 5,
          "vehicles.0.mission.1: jump: "),
