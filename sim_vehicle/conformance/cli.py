@@ -99,13 +99,9 @@ def conformance(
             vehicle,
             checks,
             on_result=lambda result: print_result(console, result) if verbose else None,
-            on_interrupt=_announce_end,
+            on_interrupt=lambda: _warn("interrupted; landing and restoring the vehicle [restoring]"),
         )
     _report(console, report, url, json_file)
-
-
-def _announce_end() -> None:
-    _warn("interrupted; landing and restoring the vehicle [restoring]")
 
 
 def _warn(line: str) -> None:

@@ -6,7 +6,6 @@ autopilots are tested only against the specification; checks that need more are 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -71,23 +70,9 @@ class Dialect:
         return self.name != "mavlink"
 
 
-_ARDUCOPTER_MODES = {
-    "manual": 0, "altitude": 2, "mission": 3, "guided": 4, "loiter": 5, "return": 6, "circle": 7, "land": 9,
-    "position": 16, "hold": 17,
-}  # fmt: skip
-_ARDUPLANE_MODES = {
-    "manual": 0, "circle": 1, "stabilized": 2, "altitude": 6, "cruise": 7, "mission": 10, "return": 11,
-    "hold": 12, "takeoff": 13, "guided": 15,
-}  # fmt: skip
-_PX4_MODES = {
-    "manual": px4_mode(1), "altitude": px4_mode(2), "position": px4_mode(3), "takeoff": px4_mode(4, 2),
-    "hold": px4_mode(4, 3), "mission": px4_mode(4, 4), "return": px4_mode(4, 5), "land": px4_mode(4, 6),
-    "acro": px4_mode(5), "offboard": px4_mode(6), "stabilized": px4_mode(7),
-}  # fmt: skip
-
 _ARDUPILOT = Dialect(
     "ardupilot",
-    MappingProxyType({}),
+    {},
     ready_mode="guided",
     hold_mode="hold",
     byte_wise=False,
@@ -98,19 +83,29 @@ _ARDUPILOT = Dialect(
 )
 ARDUCOPTER = replace(
     _ARDUPILOT,
-    modes=MappingProxyType(_ARDUCOPTER_MODES),
+    modes={
+        "manual": 0, "altitude": 2, "mission": 3, "guided": 4, "loiter": 5, "return": 6, "circle": 7,
+        "land": 9, "position": 16, "hold": 17,
+    },
     integer_parameters=(("RTL_ALT", 1600), ("DISARM_DELAY", 11)),
     real_parameters=(("WPNAV_SPEED", 750.5), ("WPNAV_ACCEL", 220.5)),
-)
+)  # fmt: skip
 ARDUPLANE = replace(
     _ARDUPILOT,
-    modes=MappingProxyType(_ARDUPLANE_MODES),
+    modes={
+        "manual": 0, "circle": 1, "stabilized": 2, "altitude": 6, "cruise": 7, "mission": 10, "return": 11,
+        "hold": 12, "takeoff": 13, "guided": 15,
+    },
     integer_parameters=(("WP_RADIUS", 95), ("TKOFF_ALT", 51)),
     real_parameters=(("TECS_CLMB_MAX", 4.5), ("TKOFF_LVL_ALT", 11.5)),
-)
+)  # fmt: skip
 PX4 = Dialect(
     "px4",
-    MappingProxyType(_PX4_MODES),
+    {
+        "manual": px4_mode(1), "altitude": px4_mode(2), "position": px4_mode(3), "takeoff": px4_mode(4, 2),
+        "hold": px4_mode(4, 3), "mission": px4_mode(4, 4), "return": px4_mode(4, 5), "land": px4_mode(4, 6),
+        "acro": px4_mode(5), "offboard": px4_mode(6), "stabilized": px4_mode(7),
+    },
     ready_mode="hold",
     hold_mode="hold",
     byte_wise=True,
@@ -119,8 +114,8 @@ PX4 = Dialect(
     real_parameters=(("RTL_RETURN_ALT", 61.25), ("MIS_TAKEOFF_ALT", 3.75)),
     refusal="TEMPORARILY_REJECTED",
     battery_parameter="BAT1_CAPACITY",
-)
-GENERIC = Dialect("mavlink", MappingProxyType({}))
+)  # fmt: skip
+GENERIC = Dialect("mavlink", {})
 
 
 def dialect_of(autopilot: int, vehicle_type: int) -> Dialect:

@@ -91,7 +91,7 @@ def wait_ready(vehicle: VehicleUnderTest) -> float:
 
 def last_texts(vehicle: VehicleUnderTest) -> str:
     """Return the latest three STATUSTEXTs of the vehicle, for the message of a failure."""
-    texts = [text for _, _, text in vehicle.texts[-3:]]
+    texts = [message.text for message in vehicle.texts[-3:]]
     return "last texts: " + " | ".join(texts) if texts else "no texts"
 
 
@@ -139,14 +139,17 @@ def home(vehicle: VehicleUnderTest) -> tuple[int, int]:
 
 def height_m(vehicle: VehicleUnderTest) -> float:
     """Return the latest reported height above home [m]; NaN before the first report."""
-    entry = vehicle.last.get("GLOBAL_POSITION_INT")
-    return entry.message.relative_alt / 1000 if entry is not None else math.nan
+    return position(vehicle).relative_alt / 1000 if "GLOBAL_POSITION_INT" in vehicle.last else math.nan
+
+
+def position(vehicle: VehicleUnderTest) -> Any:
+    """Return the latest GLOBAL_POSITION_INT."""
+    return vehicle.last["GLOBAL_POSITION_INT"]
 
 
 def speed_m_s(vehicle: VehicleUnderTest) -> float:
     """Return the latest reported ground speed [m/s]."""
-    message = vehicle.last["GLOBAL_POSITION_INT"].message
-    return math.hypot(message.vx, message.vy) / 100
+    return math.hypot(position(vehicle).vx, position(vehicle).vy) / 100
 
 
 def mean_speed_m_s(vehicle: VehicleUnderTest, seconds: float) -> float:
@@ -160,8 +163,7 @@ def wait_until_still(vehicle: VehicleUnderTest, within_s: float, limit_m_s: floa
 
 def last_position(vehicle: VehicleUnderTest) -> tuple[int, int]:
     """Return the latest reported latitude and longitude [1e-7 deg]."""
-    message = vehicle.last["GLOBAL_POSITION_INT"].message
-    return message.lat, message.lon
+    return position(vehicle).lat, position(vehicle).lon
 
 
 def distance_to_m(vehicle: VehicleUnderTest, target: tuple[int, int]) -> float:
@@ -268,8 +270,7 @@ def _land_by_mission(vehicle: VehicleUnderTest) -> None:
 
 def home_amsl_m(vehicle: VehicleUnderTest) -> float:
     """Return the altitude of home above sea level [m], from the latest position."""
-    message = vehicle.last["GLOBAL_POSITION_INT"].message
-    return float(message.alt - message.relative_alt) / 1000
+    return float(position(vehicle).alt - position(vehicle).relative_alt) / 1000
 
 
 def reposition(vehicle: VehicleUnderTest, target: tuple[int, int], height: float) -> str:

@@ -59,11 +59,10 @@ class FtpClient:
             0, *self.vehicle.target, payload.ljust(251, b"\0")
         )
 
-    def send(self, opcode: int, data: bytes = b"", **fields: int) -> int:
-        """Send a request with the next sequence number; return the number."""
+    def next_message(self, opcode: int, data: bytes = b"", **fields: int) -> Any:
+        """Return a request with the next sequence number."""
         self.seq = (self.seq + 1) % 65_536
-        self.vehicle.send(self.message(opcode, data, **fields))
-        return self.seq
+        return self.message(opcode, data, **fields)
 
     def reply(self, mark: int | None = None) -> tuple[Reply, int] | None:
         """Return the next reply after a mark, and the mark after the reply; None after `REPLY_S`."""
@@ -74,12 +73,8 @@ class FtpClient:
 
     def ask(self, opcode: int, data: bytes = b"", **fields: int) -> Reply:
         """Send a request and return the answer; an unanswered request is repeated with the same number."""
-        self.seq = (self.seq + 1) % 65_536
-        request = self.message(opcode, data, **fields)
+        request = self.next_message(opcode, data, **fields)
         return _reply(bytes(self.vehicle.ask(request, "FILE_TRANSFER_PROTOCOL").payload))
-
-    def reset(self) -> None:
-        self.ask(RESET)
 
     def open(self, path: str) -> tuple[int, int]:
         """Open a file for reading; return session and size [bytes], or raise CheckFailed."""
@@ -110,7 +105,7 @@ class FtpClient:
         for _ in range(MAX_BURSTS):
             if len(content) >= size:
                 break
-            self.send(BURST, session=session, offset=len(content), size=CHUNK)
+            self.vehicle.send(self.next_message(BURST, session=session, offset=len(content), size=CHUNK))
             mark = self.vehicle.mark()
             while (found := self.reply(mark)) is not None:
                 answer, mark = found

@@ -44,7 +44,7 @@ def resume(vehicle: VehicleUnderTest, seq: int) -> None:
 
 def current(vehicle: VehicleUnderTest) -> int:
     """Return the latest reported current item; -1 before the first report."""
-    return int(vehicle.last["MISSION_CURRENT"].message.seq) if "MISSION_CURRENT" in vehicle.last else -1
+    return int(vehicle.last["MISSION_CURRENT"].seq) if "MISSION_CURRENT" in vehicle.last else -1
 
 
 def first_waypoint(vehicle: VehicleUnderTest) -> int:

@@ -30,8 +30,6 @@ CATEGORIES = (
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One check."""
-
     name: str
     function: CheckFunction
     summary: str = ""  # the verified statement in one line

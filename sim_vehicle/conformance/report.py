@@ -1,7 +1,7 @@
 """A run as tables for the terminal and as JSON for programs."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
 
@@ -26,10 +26,9 @@ def describe_vehicle(identity: VehicleIdentity) -> str:
     return f"system {identity.sysid}: {autopilot} {version_text(identity.software)}, {kind}{suffix}"
 
 
-def describe_counts(results: Iterable[CheckResult]) -> str:
+def describe_counts(results: Sequence[CheckResult]) -> str:
     """Return the number of each outcome, such as `3 passed, 1 failed`."""
-    found = list(results)
-    counts = {outcome: sum(r.outcome is outcome for r in found) for outcome in Outcome}
+    counts = {outcome: sum(r.outcome is outcome for r in results) for outcome in Outcome}
     return ", ".join(f"{count} {outcome.value}" for outcome, count in counts.items() if count) or "none"
 
 
@@ -43,21 +42,13 @@ def result_tables(report: RunReport) -> Group:
         table.add_column("seen", ratio=1, overflow="fold")
         table.add_column("s", justify="right", width=5)
         for result in results:
-            table.add_row(
-                result.check.name.partition(".")[2],
-                Text(result.outcome.value, style=STYLES[result.outcome]),
-                Text(_printable(result.seen)),
-                f"{result.took_s:.1f}",
-            )
+            outcome = Text(result.outcome.value, style=STYLES[result.outcome])
+            name, seen = result.check.name.partition(".")[2], Text(_printable(result.seen))
+            table.add_row(name, outcome, seen, f"{result.took_s:.1f}")
         parts += [table, Text()]
     parts += [Text(f"note: {note}", style="yellow") for note in report.notes]
-    parts.append(
-        Text(
-            f"{describe_vehicle(report.identity)}: {len(report.results)} checks, "
-            f"{describe_counts(report.results)}"
-        )
-    )
-    return Group(*parts)
+    total = f"{len(report.results)} checks, {describe_counts(report.results)}"
+    return Group(*parts, Text(f"{describe_vehicle(report.identity)}: {total}"))
 
 
 def _checks_table(title: str) -> Table:
@@ -71,27 +62,20 @@ def _printable(text: str) -> str:
     return "".join(character if character.isprintable() else " " for character in text)
 
 
-def check_tables(checks: Iterable[Check]) -> Group:
+def check_tables(checks: Sequence[Check]) -> Group:
     """Return the checks as tables by category: name, statement, conditions."""
     parts: list[Any] = []
-    total = 0
-    for category, group in groupby(checks, key=lambda found: found.category):
+    for category, group in groupby(checks, key=lambda check: check.category):
         found = list(group)
-        total += len(found)
         table = _checks_table(f"{category}: {len(found)}")
         table.add_column("statement", ratio=1, overflow="fold")
         table.add_column("only with", width=14, overflow="fold")
-        for entry in found:
-            conditions = [
-                *sorted(entry.needs),
-                *entry.claims,
-                *sorted(entry.dialects),
-                *([entry.kind] if entry.kind else []),
-            ]
-            table.add_row(entry.name.partition(".")[2], entry.summary, ", ".join(conditions))
+        for check in found:
+            conditions = [*sorted(check.needs), *check.claims, *sorted(check.dialects), check.kind]
+            only_with = ", ".join(filter(None, conditions))
+            table.add_row(check.name.partition(".")[2], check.summary, only_with)
         parts += [table, Text()]
-    parts.append(Text(f"{total} checks"))
-    return Group(*parts)
+    return Group(*parts, Text(f"{len(checks)} checks"))
 
 
 def as_json(report: RunReport, url: str) -> str:

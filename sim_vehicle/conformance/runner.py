@@ -43,8 +43,6 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """The result of one check."""
-
     check: Check
     outcome: Outcome
     seen: str  # the observation, or the reason for a failure or a skipped check
@@ -53,8 +51,6 @@ class CheckResult:
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """The results of a run."""
-
     identity: VehicleIdentity
     results: tuple[CheckResult, ...]
     notes: tuple[str, ...]  # messages to the operator
@@ -120,20 +116,12 @@ def run(
     return RunReport(vehicle.identity, tuple(state.results), tuple(notes), interrupted)
 
 
-def _time_since_boot_s(vehicle: VehicleUnderTest) -> float | None:
-    """Return the vehicle's time since its boot [s]; None if the vehicle does not answer."""
-    try:
-        return float(vehicle.request("SYSTEM_TIME").time_boot_ms) / 1000
-    except (CheckFailed, Skip):
-        return None
-
-
 class _BootWatch:
     """Reboots between checks, and the pace of the vehicle's clock, by its time since boot."""
 
     def __init__(self, vehicle: VehicleUnderTest) -> None:
         self._vehicle = vehicle
-        self._latest_s: float | None = None
+        self._latest_s: float | None = None  # None if the vehicle did not answer
         self._pace_from: tuple[float, float] | None = None  # vehicle's time since boot, time of the wire [s]
 
     def let_boot(self) -> bool:
@@ -141,8 +129,10 @@ class _BootWatch:
 
         ArduPilot undoes earlier mode changes.
         """
-        before_s, self._latest_s = self._latest_s, _time_since_boot_s(self._vehicle)
-        if self._latest_s is None:
+        before_s, self._latest_s = self._latest_s, None
+        try:
+            self._latest_s = float(self._vehicle.request("SYSTEM_TIME").time_boot_ms) / 1000
+        except (CheckFailed, Skip):
             return False
         rebooted = before_s is not None and self._latest_s < before_s
         self._measure_pace(self._latest_s, rebooted=rebooted)
@@ -203,7 +193,7 @@ class _RunState:
 
     def _failure_after(self, check: Check) -> str | None:
         """Wait until the vehicle is back; return a text about its silence or unasked reboot, or None."""
-        quiet_s = self._vehicle.now - self._vehicle.last["HEARTBEAT"].at_s
+        quiet_s = self._vehicle.now - self._vehicle.heartbeat_s
         silent = quiet_s >= SILENCE_S and not _sends_heartbeats(self._vehicle, SILENCE_S)
         if silent and not _sends_heartbeats(self._vehicle, HEARTBEAT_WAIT_S):
             self.stop_reason = (

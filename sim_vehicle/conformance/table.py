@@ -27,15 +27,12 @@ MAX_SEEN = 110  # characters of an observation
 MAX_LISTED = 3  # names of checks in a row
 COMPACT = "vehicles"  # the key of a file that `--compact` has written
 
-_TRUSTED = (
-    "ArduPilot always accepts unsigned frames on its first serial port (`GCS_Signing.cpp`); "
-    "the simulator does so on trusted links only"
-)
-_QUICK = (
-    "the firmware calibrates before it acknowledges; "
-    "the simulator answers IN_PROGRESS first, so that ground stations meet that answer"
-)
-_OF_ARDUPILOT = {"signing.refuses_*": _TRUSTED, "commands.progress.can_be_cancelled": _QUICK}
+_OF_ARDUPILOT = {
+    "signing.refuses_*": "ArduPilot always accepts unsigned frames on its first serial port "
+    "(`GCS_Signing.cpp`); the simulator does so on trusted links only",
+    "commands.progress.can_be_cancelled": "the firmware calibrates before it acknowledges; "
+    "the simulator answers IN_PROGRESS first, so that ground stations meet that answer",
+}
 # Why a firmware and the simulator differ: firmware -> pattern of checks, in the order of trying -> reason.
 REASONS: Mapping[str, Mapping[str, str]] = {
     "ArduCopter": _OF_ARDUPILOT,
@@ -100,12 +97,12 @@ def _vehicles(content: Any) -> Iterator[VehicleResults]:
         _name(identity["autopilot"], identity["type"]),
         version_text(identity["flight_sw_version"]),
         bool(identity["simulator"]),
-        {c["name"]: (c["result"], c["seen"]) for c in content["checks"] if _is_result(c)},
+        {
+            c["name"]: (c["result"], c["seen"])
+            for c in content["checks"]
+            if c["result"] != "skipped" or not any(reason in c["seen"] for reason in NOT_ASKED)
+        },
     )
-
-
-def _is_result(entry: Mapping[str, Any]) -> bool:
-    return entry["result"] != "skipped" or not any(mark in entry["seen"] for mark in NOT_ASKED)
 
 
 def compact(vehicles: Sequence[VehicleResults]) -> str:
@@ -113,17 +110,20 @@ def compact(vehicles: Sequence[VehicleResults]) -> str:
 
     The observations of passed checks, and of checks that are for other vehicles, are left out.
     """
-    content = []
-    for vehicle in vehicles:
-        results = sorted(vehicle.results.items())
-        seen = {
-            c: text
-            for c, (outcome, text) in results
-            if outcome != "passed" and text and not text.startswith("only for")
+    content = [
+        {
+            "name": vehicle.name,
+            "version": vehicle.version,
+            "simulator": vehicle.simulator,
+            "outcomes": {check: outcome for check, (outcome, _) in sorted(vehicle.results.items())},
+            "seen": {
+                check: text
+                for check, (outcome, text) in sorted(vehicle.results.items())
+                if outcome != "passed" and text and not text.startswith("only for")
+            },
         }
-        outcomes = {check: outcome for check, (outcome, _) in results}
-        identity = {"name": vehicle.name, "version": vehicle.version, "simulator": vehicle.simulator}
-        content.append({**identity, "outcomes": outcomes, "seen": seen})
+        for vehicle in vehicles
+    ]
     return json.dumps({COMPACT: content}, indent=1) + "\n"
 
 

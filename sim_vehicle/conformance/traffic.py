@@ -65,10 +65,9 @@ class Traffic:
         self.permissions: frozenset[str] = frozenset()  # allowed actions on the vehicle (`guard.PERMISSIONS`)
         self.identity = VehicleIdentity(0, 1, mavlink.MAV_AUTOPILOT_INVALID, 0)
         self.received: list[ReceivedFrame] = []  # from the vehicle since the check began
-        self.last: dict[str, ReceivedFrame] = {}  # the latest frame of each kind
-        self.texts: list[
-            tuple[float, int, str]
-        ] = []  # time [s], severity, text of each STATUSTEXT of the run
+        self.last: dict[str, Any] = {}  # the latest message of each kind
+        self.heartbeat_s = 0.0  # time of the autopilot's latest heartbeat
+        self.texts: list[Any] = []  # every STATUSTEXT of the run
         self.noise = bytearray()  # outside of valid frames since the check began
         self.heartbeats_off = False
         self.deadline_s = math.inf
@@ -89,12 +88,12 @@ class Traffic:
     def now(self) -> float:
         """Return the vehicle time [s], at the measured pace of the vehicle's clock."""
         wire_s, now_s = self._pace_since
-        return now_s + (self._wire.now_s() - wire_s) * self._pace
+        return now_s + (self.wire_s - wire_s) * self._pace
 
     def set_pace(self, pace: float) -> None:
         """Go on at the measured pace of the vehicle's clock: a simulation may run slower than expected."""
         if PACES[0] <= pace <= PACES[1] and abs(pace - self._pace) > SAME_PACE * self._pace:
-            self._pace_since = self._wire.now_s(), self.now
+            self._pace_since = self.wire_s, self.now
             self._pace = pace
 
     def _next_bytes(self, timeout_s: float) -> bytes | None:
@@ -182,19 +181,22 @@ class Traffic:
             self.received.append(frame)
             self._keep_latest(frame)
             if frame.kind == "STATUSTEXT":
-                self.texts.append((frame.at_s, frame.message.severity, frame.message.text))
+                self.texts.append(frame.message)
 
     def _keep_latest(self, entry: ReceivedFrame) -> None:
-        if entry.kind != "HEARTBEAT" or is_autopilot(entry.message):
-            self.last[entry.kind] = entry
+        if entry.kind == "HEARTBEAT":
+            if not is_autopilot(entry.message):
+                return
+            self.heartbeat_s = entry.at_s
+        self.last[entry.kind] = entry.message
 
     def mark(self) -> int:
         """Return a mark: the index that the next frame will have in `received`."""
         return len(self.received)
 
-    def since(self, mark: int, kind: str | None = None) -> list[Any]:
-        """Return the messages after a mark, of one kind or of all kinds."""
-        return [entry.message for entry in self.received[mark:] if kind in (None, entry.kind)]
+    def since(self, mark: int, kind: str) -> list[Any]:
+        """Return the messages of one kind after a mark."""
+        return [entry.message for entry in self.received[mark:] if entry.kind == kind]
 
     def wait(self, seconds: float) -> list[ReceivedFrame]:
         """Receive frames for `seconds`; return them."""

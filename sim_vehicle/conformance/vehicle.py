@@ -18,7 +18,6 @@ from sim_vehicle.station.messages import command_int, command_long
 NEWS_S = 3.0  # longest wait for news of a message that was sent before
 CONNECT_S = 30.0  # longest wait for the first heartbeat
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-_UNKNOWN = object()
 
 
 class VehicleUnderTest(Traffic):
@@ -77,7 +76,7 @@ class VehicleUnderTest(Traffic):
     @property
     def heartbeat(self) -> Any:
         """Return the latest HEARTBEAT of the autopilot."""
-        return self.last["HEARTBEAT"].message
+        return self.last["HEARTBEAT"]
 
     @property
     def armed(self) -> bool:
@@ -87,12 +86,11 @@ class VehicleUnderTest(Traffic):
     def mode(self) -> int:
         return int(self.heartbeat.custom_mode)
 
-    def known(self, *, ardupilot: Any = _UNKNOWN, px4: Any = _UNKNOWN) -> Any:
-        """Return the known behaviour of this autopilot; raise Skip if the behaviour is unknown."""
-        value = {"ardupilot": ardupilot, "px4": px4}.get(self.dialect.name, _UNKNOWN)
-        if value is _UNKNOWN:
+    def known(self, **behaviour: Any) -> Any:
+        """Return the behaviour of this autopilot, by its dialect's name; raise Skip if it is unknown."""
+        if self.dialect.name not in behaviour:
             raise Skip("the specification leaves this open, and the behaviour of this autopilot is unknown")
-        return value
+        return behaviour[self.dialect.name]
 
     @contextmanager
     def restoring(self, part: str, undo: Callable[[], None]) -> Iterator[None]:

@@ -46,8 +46,6 @@ class FinalVehicleState:
 
 @dataclass(frozen=True, slots=True)
 class CheckVerdict:
-    """The verdict of one check."""
-
     check: str
     passed: bool
     failures: list[CheckFailure]
@@ -55,8 +53,6 @@ class CheckVerdict:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The verdict of a run."""
-
     scenario: str
     seed: int
     simulated_s: float

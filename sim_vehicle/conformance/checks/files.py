@@ -26,12 +26,12 @@ _check = partial(check, "ftp", claims=CLAIMS)
 @contextmanager
 def _client(vehicle: VehicleUnderTest) -> Iterator[FtpClient]:
     client = FtpClient(vehicle)
-    client.reset()
+    client.ask(ftp.RESET)
     try:
         yield client
     finally:
         with vehicle.extra_time():
-            client.reset()
+            client.ask(ftp.RESET)
 
 
 def _some_file(client: FtpClient) -> tuple[str, bytes]:
@@ -67,7 +67,7 @@ def sequence_number(vehicle: VehicleUnderTest) -> None:
 def addressed_to_us(vehicle: VehicleUnderTest) -> str:
     """The answer is addressed to the requesting station."""
     FtpClient(vehicle).ask(ftp.RESET)
-    message = vehicle.last["FILE_TRANSFER_PROTOCOL"].message
+    message = vehicle.last["FILE_TRANSFER_PROTOCOL"]
     equal(message.target_system, 255, "target_system")
     return str(message.target_system)
 

@@ -178,7 +178,7 @@ def turns(vehicle: VehicleUnderTest) -> str:
     vehicle.expect_accepted(mavlink.MAV_CMD_CONDITION_YAW, target_deg, 30, 1, 0)
     with vehicle.streaming({"VFR_HUD": 5.0}):
         took_s = vehicle.wait_until(
-            lambda: abs((vehicle.last["VFR_HUD"].message.heading - target_deg + 180) % 360 - 180) < 5,
+            lambda: abs((vehicle.last["VFR_HUD"].heading - target_deg + 180) % 360 - 180) < 5,
             f"a heading of {target_deg} deg",
             MAX_TURN_S,
         )

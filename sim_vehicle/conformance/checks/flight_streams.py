@@ -52,7 +52,7 @@ def velocity(vehicle: VehicleUnderTest) -> str:
     """The vehicle follows velocity set-points of 3 m/s north, sent at 5 Hz."""
     _follow_setpoints(vehicle)
     _stream_velocity(vehicle, 3.0, 15.0)  # PX4's SIH reaches its speed slowly, against drag
-    message = vehicle.last["GLOBAL_POSITION_INT"].message
+    message = flying.position(vehicle)
     _stream_velocity(vehicle, 0.0, 3.0)
     flying.hold(vehicle)
     near(message.vx / 100, 3.0, 0.6, "north [m/s]")
@@ -181,7 +181,7 @@ def climb(vehicle: VehicleUnderTest) -> str:
     flying.reposition(vehicle, place, flying.height_m(vehicle) + 15.0)
     with vehicle.streaming({"VFR_HUD": 5.0}):
         vehicle.wait(4.0)
-        hud, position = vehicle.last["VFR_HUD"].message, vehicle.last["GLOBAL_POSITION_INT"].message
+        hud, position = vehicle.last["VFR_HUD"], flying.position(vehicle)
     at_most(position.vz, -30, "vz [cm/s]")
     at_least(hud.climb, 0.3, "climb [m/s]")
     near(hud.climb, -position.vz / 100, 0.6, "climb [m/s]")

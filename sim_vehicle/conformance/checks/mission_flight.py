@@ -73,7 +73,7 @@ def state_is_active(vehicle: VehicleUnderTest) -> None:
     expected = vehicle.known(ardupilot=mavlink.MISSION_STATE_ACTIVE, px4=0)
     missions.under_way(vehicle)
     vehicle.wait(1.0)
-    equal(vehicle.last["MISSION_CURRENT"].message.mission_state, expected, "mission_state")
+    equal(vehicle.last["MISSION_CURRENT"].mission_state, expected, "mission_state")
 
 
 @_ardupilot_check(
@@ -226,7 +226,7 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(PAUSE_S)
     moved_m = at_most(flying.distance_to_m(vehicle, place), MAX_DRIFT_M, "metres flown in the pause")
     if by_command:
-        state = vehicle.last["MISSION_CURRENT"].message.mission_state
+        state = vehicle.last["MISSION_CURRENT"].mission_state
         equal(state, mavlink.MISSION_STATE_PAUSED, "mission_state")
         vehicle.expect_accepted(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1)
     else:

@@ -148,11 +148,11 @@ def altitude(vehicle: VehicleUnderTest) -> str:
     climb_m_s, lean_deg = vehicle.known(ardupilot=(2.5, 30.0), px4=(3.0, 35.0))
     with _by_joystick(vehicle, "altitude"), vehicle.streaming({"ATTITUDE": 10.0}):
         _hold(vehicle, 5.0, 0, 0, 1000, 0)
-        climb = -vehicle.last["GLOBAL_POSITION_INT"].message.vz / 100
+        climb = -flying.position(vehicle).vz / 100
         _hold(vehicle, 3.0, *CENTRE)
-        rest = -vehicle.last["GLOBAL_POSITION_INT"].message.vz / 100
+        rest = -flying.position(vehicle).vz / 100
         _hold(vehicle, 2.0, 0, 1000, 500, 0)
-        roll_deg = math.degrees(vehicle.last["ATTITUDE"].message.roll)
+        roll_deg = math.degrees(vehicle.last["ATTITUDE"].roll)
         _hold(vehicle, 1.0, *CENTRE)
     near(climb, climb_m_s, 0.5, "climb by the full throttle [m/s]")
     near(rest, 0.0, 0.4, "climb by the middle [m/s]")
