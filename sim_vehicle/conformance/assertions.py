@@ -1,35 +1,12 @@
-"""Failures of checks, comparisons that raise failures, and names of MAVLink numbers."""
+"""Comparisons that return the seen value, or raise CheckFailed."""
 
 import math
 from collections.abc import Collection
 from typing import Any, TypeVar
 
-from sim_vehicle.station.messages import enum_name
+from sim_vehicle.conformance.outcomes import ACCEPTED, CheckFailed
 
 T = TypeVar("T")
-
-
-class CheckFailed(Exception):
-    """The vehicle behaved wrongly; the text gives the expected and the observed behaviour."""
-
-
-class Skip(Exception):
-    """The check does not apply to this vehicle; the text gives the reason."""
-
-
-ACCEPTED = "ACCEPTED"  # MAV_RESULT_ACCEPTED and MAV_MISSION_ACCEPTED
-
-
-def result_name(result: int) -> str:
-    return enum_name("MAV_RESULT", result, "MAV_RESULT_")
-
-
-def mission_result_name(result: int) -> str:
-    return enum_name("MAV_MISSION_RESULT", result, "MAV_MISSION_")
-
-
-def command_name(command: int) -> str:
-    return enum_name("MAV_CMD", command, "MAV_CMD_")
 
 
 def equal(seen: T, expected: Any, label: str) -> T:

@@ -9,7 +9,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal
+from sim_vehicle.conformance.assertions import equal
+from sim_vehicle.conformance.outcomes import ACCEPTED, CheckFailed, Skip
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station import messages
 

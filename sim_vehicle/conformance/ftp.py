@@ -6,7 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import CheckFailed
+from sim_vehicle.conformance.outcomes import CheckFailed
 from sim_vehicle.conformance.traffic import REPLY_S
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import CheckFailed, Skip
+from sim_vehicle.conformance.outcomes import CheckFailed, Skip
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import from_wire, to_wire
 

@@ -7,8 +7,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, mission_result_name
+from sim_vehicle.conformance.assertions import equal
 from sim_vehicle.conformance.guard import PLAN_NAMES
+from sim_vehicle.conformance.outcomes import ACCEPTED, CheckFailed, Skip, mission_result_name
 from sim_vehicle.conformance.traffic import Condition
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.exchanges import REQUESTS, UploadPlan

@@ -10,8 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from sim_vehicle.conformance.dialects import VehicleIdentity, version_text
+from sim_vehicle.conformance.outcomes import Outcome
 from sim_vehicle.conformance.registry import Check
-from sim_vehicle.conformance.runner import CheckResult, Outcome, RunReport
+from sim_vehicle.conformance.runner import CheckResult, RunReport
 from sim_vehicle.station.messages import enum_name
 
 STYLES = {Outcome.PASSED: "green", Outcome.FAILED: "bold red", Outcome.SKIPPED: "yellow"}

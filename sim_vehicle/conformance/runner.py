@@ -3,12 +3,11 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 from sim_vehicle.conformance import flying
-from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.dialects import VehicleIdentity
 from sim_vehicle.conformance.guard import ARM, PERMISSIONS, PLAN_NAMES, REBOOT, SIMULATOR
+from sim_vehicle.conformance.outcomes import CheckFailed, Outcome, Skip
 from sim_vehicle.conformance.parameters import has, read, restore, write
 from sim_vehicle.conformance.plans import FENCE, RALLY, PlanBackup
 from sim_vehicle.conformance.registry import Check
@@ -33,12 +32,6 @@ BOOTING_S = 5.0  # shortest time from a boot to the next check
 PACE_S = 2.0  # shortest time for a measurement of the pace of the vehicle's clock
 CHECK_S = 500.0  # time limit of a check; the longest one is the mission of a plane
 PREPARATION_S = 400.0  # longest time for taking off or landing between checks
-
-
-class Outcome(Enum):
-    PASSED = "passed"
-    FAILED = "failed"
-    SKIPPED = "skipped"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,10 +7,10 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.dialects import VehicleIdentity
 from sim_vehicle.conformance.frames import LONGEST_FRAME, messages_in
 from sim_vehicle.conformance.guard import Forbidden, is_read_only, refusal, target_of
+from sim_vehicle.conformance.outcomes import CheckFailed, Skip
 from sim_vehicle.station.exchanges import Exchange, ExchangeOutcome
 from sim_vehicle.station.frames import NOISE, STATION, ReceivedFrame, Receiver, Sender, Source
 from sim_vehicle.station.messages import heartbeat

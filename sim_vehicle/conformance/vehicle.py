@@ -7,8 +7,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, command_name, equal
+from sim_vehicle.conformance.assertions import equal
 from sim_vehicle.conformance.dialects import GENERIC, Dialect, VehicleIdentity, dialect_of
+from sim_vehicle.conformance.outcomes import ACCEPTED, CheckFailed, Skip, command_name
 from sim_vehicle.conformance.traffic import ATTEMPTS, Traffic, Wire, WireError, is_autopilot
 from sim_vehicle.definitions import id_of
 from sim_vehicle.station.exchanges import Command

@@ -25,11 +25,11 @@ from pymavlink.generator.mavcrc import x25crc
 from typer.testing import CliRunner
 
 from sim_vehicle.conformance import parameters
-from sim_vehicle.conformance.assertions import Skip
 from sim_vehicle.conformance.cli import conformance
 from sim_vehicle.conformance.guard import Forbidden, permission_for
+from sim_vehicle.conformance.outcomes import Outcome, Skip
 from sim_vehicle.conformance.registry import CATEGORIES, all_checks, check, select
-from sim_vehicle.conformance.runner import CHECK_S, Outcome, granted_permissions, run
+from sim_vehicle.conformance.runner import CHECK_S, granted_permissions, run
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION
 from sim_vehicle.station.messages import command_long

@@ -10,7 +10,7 @@ from bent_vehicle import HOME, DroppingWire, FleetWire, acknowledged, conform, f
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.checks.signing import KEY
-from sim_vehicle.conformance.runner import Outcome
+from sim_vehicle.conformance.outcomes import Outcome
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import default_scenario
 

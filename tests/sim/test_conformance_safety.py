@@ -23,11 +23,11 @@ from bent_vehicle import (
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters
-from sim_vehicle.conformance.assertions import Skip
 from sim_vehicle.conformance.guard import ALTER, ARM, CRASH, REBOOT
 from sim_vehicle.conformance.link_wire import LinkWire, SenderAddresses
+from sim_vehicle.conformance.outcomes import Outcome, Skip
 from sim_vehicle.conformance.registry import all_checks, select
-from sim_vehicle.conformance.runner import Outcome, granted_permissions, run
+from sim_vehicle.conformance.runner import granted_permissions, run
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.links.url import parse_url
 from sim_vehicle.station.messages import heartbeat

@@ -7,8 +7,9 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
+from sim_vehicle.conformance.outcomes import Outcome
 from sim_vehicle.conformance.registry import Check, select
-from sim_vehicle.conformance.runner import Outcome, RunReport, granted_permissions, run
+from sim_vehicle.conformance.runner import RunReport, granted_permissions, run
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import default_scenario

@@ -6,18 +6,10 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
-from sim_vehicle.conformance.assertions import (
-    ACCEPTED,
-    Skip,
-    at_most,
-    equal,
-    holds,
-    near,
-    refused,
-    result_name,
-)
+from sim_vehicle.conformance.assertions import at_most, equal, holds, near, refused
 from sim_vehicle.conformance.checks.fence import CLAIMS, fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
+from sim_vehicle.conformance.outcomes import ACCEPTED, Skip, result_name
 from sim_vehicle.conformance.registry import KNOWN, check, checks, row
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest

@@ -4,7 +4,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import Skip, at_least, equal, near, within
+from sim_vehicle.conformance.assertions import at_least, equal, near, within
+from sim_vehicle.conformance.outcomes import Skip
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION

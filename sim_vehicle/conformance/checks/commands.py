@@ -7,18 +7,9 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying
-from sim_vehicle.conformance.assertions import (
-    ACCEPTED,
-    Skip,
-    at_least,
-    at_most,
-    command_name,
-    equal,
-    holds,
-    one_of,
-    result_name,
-)
+from sim_vehicle.conformance.assertions import at_least, at_most, equal, holds, one_of
 from sim_vehicle.conformance.guard import ALTER, CRASH
+from sim_vehicle.conformance.outcomes import ACCEPTED, Skip, command_name, result_name
 from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest

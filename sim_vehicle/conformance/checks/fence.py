@@ -8,7 +8,8 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, equal, near, refused
+from sim_vehicle.conformance.assertions import equal, near, refused
+from sim_vehicle.conformance.outcomes import ACCEPTED
 from sim_vehicle.conformance.plans import FENCE, RALLY
 from sim_vehicle.conformance.registry import KNOWN, check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest

@@ -9,8 +9,9 @@ from functools import partial
 from typing import Any
 
 from sim_vehicle.conformance import ftp, parameters
-from sim_vehicle.conformance.assertions import Skip, at_least, equal, holds, near, one_of
+from sim_vehicle.conformance.assertions import at_least, equal, holds, near, one_of
 from sim_vehicle.conformance.ftp import FtpClient
+from sim_vehicle.conformance.outcomes import Skip
 from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 

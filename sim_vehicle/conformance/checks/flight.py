@@ -6,18 +6,9 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.assertions import (
-    ACCEPTED,
-    Skip,
-    at_least,
-    at_most,
-    equal,
-    holds,
-    near,
-    refused,
-    within,
-)
+from sim_vehicle.conformance.assertions import at_least, at_most, equal, holds, near, refused, within
 from sim_vehicle.conformance.guard import ARM
+from sim_vehicle.conformance.outcomes import ACCEPTED, Skip
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 

@@ -8,7 +8,8 @@ from statistics import fmean
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, Skip, at_least, at_most, equal, near, refused, within
+from sim_vehicle.conformance.assertions import at_least, at_most, equal, near, refused, within
+from sim_vehicle.conformance.outcomes import ACCEPTED, Skip
 from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 

@@ -5,9 +5,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import ACCEPTED, Skip, at_least, at_most, equal, holds, within
+from sim_vehicle.conformance.assertions import at_least, at_most, equal, holds, within
 from sim_vehicle.conformance.dialects import version_text
 from sim_vehicle.conformance.flying import mode_name
+from sim_vehicle.conformance.outcomes import ACCEPTED, Skip
 from sim_vehicle.conformance.registry import KNOWN, check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.definitions import MAVLINK2

@@ -7,7 +7,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, Skip, at_most, equal, holds, near, refused
+from sim_vehicle.conformance.assertions import at_most, equal, holds, near, refused
+from sim_vehicle.conformance.outcomes import ACCEPTED, Skip
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 

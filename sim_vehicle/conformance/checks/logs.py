@@ -4,8 +4,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, at_most, equal, holds
+from sim_vehicle.conformance.assertions import at_most, equal, holds
 from sim_vehicle.conformance.guard import ALTER
+from sim_vehicle.conformance.outcomes import CheckFailed, Skip
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import Condition
 from sim_vehicle.conformance.vehicle import VehicleUnderTest

@@ -6,16 +6,8 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying
-from sim_vehicle.conformance.assertions import (
-    ACCEPTED,
-    CheckFailed,
-    Skip,
-    equal,
-    holds,
-    near,
-    refused,
-    within,
-)
+from sim_vehicle.conformance.assertions import equal, holds, near, refused, within
+from sim_vehicle.conformance.outcomes import ACCEPTED, CheckFailed, Skip
 from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.definitions import id_of

@@ -5,16 +5,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.assertions import (
-    ACCEPTED,
-    at_most,
-    equal,
-    mission_result_name,
-    near,
-    one_of,
-    refused,
-    within,
-)
+from sim_vehicle.conformance.assertions import at_most, equal, near, one_of, refused, within
+from sim_vehicle.conformance.outcomes import ACCEPTED, mission_result_name
 from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest

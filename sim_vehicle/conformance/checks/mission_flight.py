@@ -6,9 +6,10 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, missions, parameters, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, Skip, at_least, at_most, equal, holds, near, one_of
+from sim_vehicle.conformance.assertions import at_least, at_most, equal, holds, near, one_of
 from sim_vehicle.conformance.checks.fence import CLAIMS, fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
+from sim_vehicle.conformance.outcomes import ACCEPTED, Skip
 from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import PlanItem

@@ -9,7 +9,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, equal, near, one_of, refused, within
+from sim_vehicle.conformance.assertions import equal, near, one_of, refused, within
+from sim_vehicle.conformance.outcomes import ACCEPTED
 from sim_vehicle.conformance.registry import Row, check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import PlanItem

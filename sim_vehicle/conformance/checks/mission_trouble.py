@@ -6,15 +6,8 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.assertions import (
-    ACCEPTED,
-    at_least,
-    equal,
-    holds,
-    mission_result_name,
-    near,
-    within,
-)
+from sim_vehicle.conformance.assertions import at_least, equal, holds, near, within
+from sim_vehicle.conformance.outcomes import ACCEPTED, mission_result_name
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest

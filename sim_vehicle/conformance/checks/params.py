@@ -8,7 +8,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, at_least, equal, holds, near, one_of, within
+from sim_vehicle.conformance.assertions import at_least, equal, holds, near, one_of, within
+from sim_vehicle.conformance.outcomes import CheckFailed, Skip
 from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.traffic import SECOND_STATION, Condition
 from sim_vehicle.conformance.vehicle import VehicleUnderTest

@@ -6,9 +6,10 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, Skip, at_least, at_most, equal, holds, within
+from sim_vehicle.conformance.assertions import at_least, at_most, equal, holds, within
 from sim_vehicle.conformance.checks.fence import polygon
 from sim_vehicle.conformance.guard import ARM, REBOOT
+from sim_vehicle.conformance.outcomes import ACCEPTED, Skip
 from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.definitions import id_of

@@ -8,9 +8,10 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters, plans
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, at_least, at_most, equal
+from sim_vehicle.conformance.assertions import at_least, at_most, equal
 from sim_vehicle.conformance.frames import LONGEST_FRAME, frame
 from sim_vehicle.conformance.guard import SIMULATOR
+from sim_vehicle.conformance.outcomes import CheckFailed, Skip
 from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest

@@ -8,8 +8,9 @@ from itertools import pairwise
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds, result_name
+from sim_vehicle.conformance.assertions import equal, holds
 from sim_vehicle.conformance.guard import ALTER
+from sim_vehicle.conformance.outcomes import ACCEPTED, CheckFailed, Skip, result_name
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.definitions import MAVLINK2

@@ -13,8 +13,9 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying
-from sim_vehicle.conformance.assertions import ACCEPTED, at_least, at_most, equal, near
+from sim_vehicle.conformance.assertions import at_least, at_most, equal, near
 from sim_vehicle.conformance.guard import ARM
+from sim_vehicle.conformance.outcomes import ACCEPTED
 from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest

@@ -7,16 +7,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.assertions import (
-    CheckFailed,
-    Skip,
-    at_least,
-    at_most,
-    equal,
-    holds,
-    near,
-    within,
-)
+from sim_vehicle.conformance.assertions import at_least, at_most, equal, holds, near, within
+from sim_vehicle.conformance.outcomes import CheckFailed, Skip
 from sim_vehicle.conformance.registry import check, checks, row
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
