@@ -1,6 +1,5 @@
 """Comparisons that return the seen value, or raise CheckFailed."""
 
-import math
 from collections.abc import Collection
 from typing import Any, TypeVar
 
@@ -32,12 +31,16 @@ def within(seen: float, low: float, high: float, label: str) -> float:
 
 def at_most(seen: float, limit: float, label: str) -> float:
     """Return `seen`; raise CheckFailed if it is greater than the limit."""
-    return within(seen, -math.inf, limit, label)
+    if not seen <= limit:
+        raise CheckFailed(f"{label}: expected at most {limit:g}, saw {seen:g}")
+    return seen
 
 
 def at_least(seen: float, limit: float, label: str) -> float:
     """Return `seen`; raise CheckFailed if it is less than the limit."""
-    return within(seen, limit, math.inf, label)
+    if not seen >= limit:
+        raise CheckFailed(f"{label}: expected at least {limit:g}, saw {seen:g}")
+    return seen
 
 
 def one_of(seen: T, allowed: Collection[Any], label: str) -> T:
