@@ -81,7 +81,7 @@ def flown(flier: ReturningVehicle, begins_s: float, t: float, pace: float) -> tu
         return flier.here, "holds"
     departs_s = begins_s + (1.0 - pace) * flier.departs_within_s
     speed = flier.speed_m_s * (
-        return_schedule.SLOWER + pace * (return_schedule.FASTER - return_schedule.SLOWER)
+        return_schedule.SLOW_FACTOR + pace * (return_schedule.FAST_FACTOR - return_schedule.SLOW_FACTOR)
     )
     share = min(max(t - departs_s, 0.0) * speed / max(flier.home_distance_m, 1e-9), 1.0)
     if t > begins_s + flier.takes_s:

@@ -18,7 +18,7 @@ from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight, Others
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
 from swarmctl.core.records import replace
 
-MARGIN = 1.15
+HORIZONTAL_MARGIN = 1.15
 """Multiple of the horizontal limit that planned flights keep; landing spots are 1.2 limits apart."""
 SEPARATES_WITHIN_S = 6.0
 """Time from the first motion within which two close vehicles have to separate [s]: a climb takes as long."""
@@ -38,7 +38,7 @@ PLACES_EVERY_S = 0.5
 def clashes_with(state: AgentState, flight: Trajectory, others: Others) -> tuple[Clash, ...]:
     """Return the clashes of a flight with the flights of `others`, soonest first.
 
-    Flights keep MARGIN times the horizontal limit, because vehicles drift in wind and stop late.
+    Flights keep HORIZONTAL_MARGIN times the horizontal limit, because vehicles drift in wind and stop late.
     """
     found = _clashes_with_each(flight, others, state.task.separation.limits)
     return _soonest_of_each([clash for clash, _ in found])
@@ -48,7 +48,7 @@ def _clashes_with_each(
     flight: Trajectory, others: Others, limits: Limits
 ) -> Iterator[tuple[Clash, KnownFlight]]:
     """Yield the first clash with each flight that another vehicle may take: as known, or straight on."""
-    limits = Limits(MARGIN * limits.horizontal_m, limits.vertical_m)
+    limits = Limits(HORIZONTAL_MARGIN * limits.horizontal_m, limits.vertical_m)
     near = near_flights(flight, others, limits)
     straight = {uav: known.straight_on() for uav, known in near.items() if known.straight is not None}
     for part in (near, straight):

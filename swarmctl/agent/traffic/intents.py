@@ -36,8 +36,8 @@ MIN_INTERVAL_S = 1.0
 """Least interval, while the intent is new, or the vehicle is off its announced position [s]."""
 NEW_FOR_S = 3.0
 """Time for which an intent counts as new [s]."""
-TOLERANCE_S, TOLERANCE_M = 1.0, 3.0
-"""Horizontal tolerance of the announced position: the distance flown in TOLERANCE_S, at least TOLERANCE_M."""
+OWN_TOLERANCE_S, OWN_TOLERANCE_M = 1.0, 3.0
+"""Horizontal tolerance of the announced position: the distance flown in this time, and its least value."""
 MAX_UNCERTAINTY_M = 60.0
 """Greatest horizontal uncertainty of an announced position [m]."""
 
@@ -99,7 +99,7 @@ def _is_off_intent(state: AgentState) -> bool:
     at = intent.at(state.vehicle.time_boot_s)
     if at is None:
         return state.phase in IN_FLIGHT
-    tolerance_m = max(TOLERANCE_M, TOLERANCE_S * state.vehicle.ground_speed_m_s)
+    tolerance_m = max(OWN_TOLERANCE_M, OWN_TOLERANCE_S * state.vehicle.ground_speed_m_s)
     limits = state.task.separation.limits
     return math.dist(at[:2], here[:2]) > tolerance_m or abs(at[2] - here[2]) > limits.vertical_m
 

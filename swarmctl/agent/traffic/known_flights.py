@@ -6,7 +6,7 @@ import math
 
 from swarmctl.agent.phases import ENDED
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import MARGIN
+from swarmctl.agent.traffic.check import HORIZONTAL_MARGIN
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S, predict, predictions
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S
 from swarmctl.agent.traffic.separation.other_vehicles import MAX_REPORT_AGE_S, KnownFlight, NeighbourReport
@@ -30,7 +30,7 @@ def known_flights(state: AgentState, near: Bounds | None = None) -> dict[int, Kn
     announced, reports = state.intents, state.neighbours
     if near is not None:
         limits = state.task.separation.limits
-        wide_m, high_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
+        wide_m, high_m = HORIZONTAL_MARGIN * limits.horizontal_m, HORIZONTAL_MARGIN * limits.vertical_m
         box = near.wider((TIME_TOLERANCE_S, wide_m, wide_m, high_m))
         come_near = predictions(state, box).keys() | {uav for uav, of in known.items() if of.may_meet(box)}
         known = {uav: intent for uav, intent in known.items() if uav in come_near}

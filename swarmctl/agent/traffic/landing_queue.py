@@ -49,7 +49,7 @@ from swarmctl.agent.traffic.route_hold import (
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.other_vehicles import KnownFlight, Others
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
-from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin_wait, verdict
+from swarmctl.agent.traffic.wait import WAITS_ABOVE_M, Verdict, Wait, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint
@@ -58,7 +58,7 @@ from swarmctl.core.vehicle import Landed
 
 CLEAR_AHEAD_S = 20.0
 """Time ahead for which the landing has to be predicted clear [s]."""
-STARTS_AFTER_S = (0.0, 2.0, 4.0)
+DESCENT_DELAYS_S = (0.0, 2.0, 4.0)
 """Delays of the descent that are checked [s]: a vehicle takes some seconds to follow the order."""
 AT_SPOT_M = 1.0
 """Horizontal distance from the landing spot within which the vehicle lands where it is [m]."""
@@ -93,7 +93,7 @@ def queue_for_landing(state: AgentState) -> StepResult:
     return _wait_if_conflicting(state, here) if _may_wait(state) else (state, [])
 
 
-def _land_here(state: AgentState, text: str) -> StepResult:
+def _land_where_it_is(state: AgentState, text: str) -> StepResult:
     plans = state.plans.with_mission(state.interrupted)
     state, ordered = command(state, ev.FlightOrder.LAND, plans=plans, wait=None)
     return state, [ev.NotifyOperator(text), *ordered]
@@ -162,7 +162,7 @@ def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, 
 
 def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResult:
     now_s, confirmed = state.vehicle.time_boot_s, state.order.is_followed
-    if not confirmed and (state.vehicle.alt_rel_m or 0.0) < MIN_HEIGHT_M:
+    if not confirmed and (state.vehicle.alt_rel_m or 0.0) < WAITS_ABOVE_M:
         return _land_unconfirmed(state, "it is too low to wait")
     # A stopped vehicle may still report LANDING for some seconds, and an unconfirmed one may still move.
     arrived_s = -math.inf if state.arrived_boot_s is None else state.arrived_boot_s
@@ -176,7 +176,7 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
     match ends:
         case Verdict.OVER if urgent:
             text = "an urgent failsafe ends the wait; the vehicle lands where it is [landing-urgent]"
-            return _land_here(state, text)
+            return _land_where_it_is(state, text)
         case Verdict.OVER:
             return give_up(state)
         case Verdict.CLEAR if not confirmed:
@@ -197,7 +197,7 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
 
 def _land_unconfirmed(state: AgentState, why: str) -> StepResult:
     text = f"the vehicle did not confirm the hold before its landing, and {why}"
-    return _land_here(state, f"{text}; the vehicle lands where it is [landing-unconfirmed]")
+    return _land_where_it_is(state, f"{text}; the vehicle lands where it is [landing-unconfirmed]")
 
 
 def _descent_conflicts(state: AgentState, here_amsl: LocalPoint) -> tuple[Clash, ...]:
@@ -222,7 +222,7 @@ def _descent_conflicts(state: AgentState, here_amsl: LocalPoint) -> tuple[Clash,
         return ()
     until_s = state.vehicle.time_boot_s + CLEAR_AHEAD_S
     waited_for = _go_first(state, here_amsl, known_flights(state))
-    for delay_s in STARTS_AFTER_S:
+    for delay_s in DESCENT_DELAYS_S:
         clashes = clashes_with(state, flight.later(delay_s), waited_for)
         if soon := tuple(clash for clash in clashes if clash.at_s < until_s):
             return () if _leaves_the_way(state, flight, waited_for) else soon

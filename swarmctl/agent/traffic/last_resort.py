@@ -45,7 +45,7 @@ from swarmctl.agent.traffic.separation.trajectory import (
     landing_start_s,
     until_landing,
 )
-from swarmctl.agent.traffic.wait import MIN_HEIGHT_M
+from swarmctl.agent.traffic.wait import WAITS_ABOVE_M
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import BRAKING_M_S2
 
@@ -193,7 +193,7 @@ def _may_hold(state: AgentState, other: NeighbourReport) -> bool:
     """Return whether another vehicle may hold for this one: a copter in contact, en route or landing."""
     is_heard = other.is_recent(state.vehicle.time_boot_s) and other.hears(state.task.uav)
     is_free = activity_of(other.state.phase) in (Activity.EN_ROUTE, Activity.LANDING)
-    is_high = other.state.alt_rel_m >= MIN_HEIGHT_M
+    is_high = other.state.alt_rel_m >= WAITS_ABOVE_M
     return is_heard and is_free and is_high and other.state.hovers
 
 

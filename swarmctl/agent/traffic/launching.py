@@ -32,7 +32,7 @@ from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
 
-STARTS_AFTER_S = (-2.0, 0.0, 2.0, 4.0)
+TAKEOFF_DELAYS_S = (-2.0, 0.0, 2.0, 4.0)
 """Start times checked, from now [s]: arming takes some seconds, and the climb may be faster or slower."""
 
 
@@ -143,7 +143,7 @@ def _route_clashes(state: AgentState, others: Mapping[int, KnownFlight]) -> tupl
     if flight is None:
         return ()
     first = until_landing(flight)
-    found = (clashes_with(state, first.later(s), others) for s in STARTS_AFTER_S)
+    found = (clashes_with(state, first.later(s), others) for s in TAKEOFF_DELAYS_S)
     return next((clashes for clashes in found if clashes), ())
 
 

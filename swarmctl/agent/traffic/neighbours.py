@@ -14,7 +14,7 @@ from swarmctl.core.frames import StateShared
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 
-MARGIN_M_S = 5.0
+CLOSING_MARGIN_M_S = 5.0
 """Increase of the closing speed that the selection of nearby vehicles allows for [m/s]."""
 
 
@@ -76,7 +76,7 @@ def _near_test(state: AgentState) -> Callable[[StateShared, PlanarPoint], bool]:
 
     def is_near(other: StateShared, there: PlanarPoint) -> bool:
         east_m_s, north_m_s, _ = other.velocity_m_s
-        closing_m_s = own_m_s + math.hypot(east_m_s, north_m_s) + MARGIN_M_S
+        closing_m_s = own_m_s + math.hypot(east_m_s, north_m_s) + CLOSING_MARGIN_M_S
         return math.dist(here, there) < least_m + closing_m_s * ahead_s
 
     return is_near

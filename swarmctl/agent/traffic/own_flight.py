@@ -86,7 +86,7 @@ def return_flights(state: AgentState) -> list[Trajectory]:
 def landing_flight(state: AgentState) -> Trajectory | None:
     """Return the own trajectory of a landing here that begins now; None if the position is unknown."""
     here = position_of(state)
-    return None if here is None else to_shared_frame(state, _land_here(state, here))
+    return None if here is None else to_shared_frame(state, _landing_here(state, here))
 
 
 def own_trajectory(state: AgentState) -> Trajectory | None:
@@ -247,7 +247,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
         case Phase.FLYING | Phase.LANDING if swap is not None and not state.is_waiting:
             plan = swap.plan
             if state.phase is Phase.LANDING and state.order.given is ev.FlightOrder.LAND:
-                return _land_here(state, here)
+                return _landing_here(state, here)
             remaining = _points_ahead(state, here, swap)
             if state.phase is Phase.LANDING and _descends_vertically(here, remaining, plan.height_m):
                 return land_from([(*remaining[-1], here[2])], [0.0])
@@ -256,7 +256,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
         case Phase.FLYING | Phase.FORMATION | Phase.LANDING | Phase.HOLDING:
             return hold_from(state, here, 0.0)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
-            return _land_here(state, here)
+            return _landing_here(state, here)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.RETURN:
             return _return_trajectory(state, here, task.altitude_m)
     return None
@@ -294,7 +294,7 @@ def _is_high(here: LocalPoint, height_m: float) -> bool:
     return here[2] > height_m - AIRBORNE_M
 
 
-def _land_here(state: AgentState, here: LocalPoint) -> Trajectory:
+def _landing_here(state: AgentState, here: LocalPoint) -> Trajectory:
     """Return the trajectory of an ordered landing, heights above home."""
     return _from_stop(state, here, lambda stop: land_from([stop], [0.0]))
 

@@ -20,7 +20,7 @@ from swarmctl.core.geo import LocalFrame
 from swarmctl.core.records import replace
 from swarmctl.planners.benevolence import OtherVehicle
 
-SAME_TIME_S = 1e-6
+LEAST_POINT_INTERVAL_S = 1e-6
 """Least time between two points of a received intent [s]; by a clock of many days, less is no time."""
 
 
@@ -94,7 +94,7 @@ def _announced_flight(frame: LocalFrame, intent: IntentShared) -> tuple[Trajecto
 
 def _flight_in(frame: LocalFrame, intent: IntentShared) -> tuple[Trajectory, Bounds] | None:
     announced = np.array([(p.in_s, p.lat_deg, p.lon_deg, p.alt_amsl_m) for p in intent.points])
-    if len(announced) < 2 or np.diff(announced[:, 0]).min() < SAME_TIME_S:
+    if len(announced) < 2 or np.diff(announced[:, 0]).min() < LEAST_POINT_INTERVAL_S:
         return None
     in_s, lat_deg, lon_deg, up_m = announced.T
     east_m, north_m = frame.to_local(lat_deg, lon_deg)

@@ -28,19 +28,19 @@ MIN_HORIZONTAL_M, MIN_VERTICAL_M = 20.0, 5.0
 """Least horizontal and vertical separation of returning vehicles [m]."""
 STEP_S = 2.0
 """Resolution of the start times [s]."""
-FASTER, SLOWER = 1.25, 0.5
+FAST_FACTOR, SLOW_FACTOR = 1.25, 0.5
 """Factors on the expected ground speed, for wind and for the parameters of the return."""
-REACTS_WITHIN_S = 10.0
+CLIMBS_WITHIN_S = 10.0
 """Longest time from the start of the return to the climb [s]."""
 CLIMBS_TO_M = 60.0
 """Greatest return height above home [m]: PX4's default RTL_RETURN_ALT, more than ArduCopter's RTL_ALT."""
-CLIMB_M_S = 1.5
+LEAST_CLIMB_M_S = 1.5
 """Least climb rate [m/s]."""
 MIN_SILENCE_S = 10.0
 """Shortest silence after which a returning vehicle may count as landed [s]."""
-SINK_M_S = 0.8
+MEAN_SINK_M_S = 0.8
 """Average descent rate from the return height to the ground [m/s], including a wait above home."""
-MAX_DISTANCE_M, MAX_HEIGHT_M = 100_000.0, 10_000.0
+MAX_HOME_DISTANCE_M, MAX_HOME_HEIGHT_M = 100_000.0, 10_000.0
 """Greatest plausible distance and height above home [m]; beyond them the sender errs or lies."""
 MIN_SPEED_M_S = 0.1
 """Least plausible announced speed [m/s]."""
@@ -81,13 +81,17 @@ class ReturningVehicle(msgspec.Struct, frozen=True):
     @property
     def departs_within_s(self) -> float:
         """Longest time until the vehicle leaves its position [s]."""
-        return REACTS_WITHIN_S + (self.top_amsl_m - self.alt_amsl_m) / CLIMB_M_S
+        return CLIMBS_WITHIN_S + (self.top_amsl_m - self.alt_amsl_m) / LEAST_CLIMB_M_S
 
     @property
     def takes_s(self) -> float:
         """Longest time until the vehicle has landed [s]."""
         sinks_m = self.top_amsl_m - self.home_alt_amsl_m
-        return self.departs_within_s + self.home_distance_m / (SLOWER * self.speed_m_s) + sinks_m / SINK_M_S
+        return (
+            self.departs_within_s
+            + self.home_distance_m / (SLOW_FACTOR * self.speed_m_s)
+            + sinks_m / MEAN_SINK_M_S
+        )
 
 
 class ReturnSchedule(msgspec.Struct, frozen=True):
@@ -167,11 +171,11 @@ def is_plausible(position: VehiclePosition) -> bool:
     here, home = (position.lat_deg, position.lon_deg), (position.home_lat_deg, position.home_lon_deg)
     if not all(abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 for lat_deg, lon_deg in (here, home)):
         return False
-    is_near = distance_m(here, home) <= MAX_DISTANCE_M and all(
-        0.0 <= m <= MAX_DISTANCE_M for m in position.min_separation_m
+    is_near = distance_m(here, home) <= MAX_HOME_DISTANCE_M and all(
+        0.0 <= m <= MAX_HOME_DISTANCE_M for m in position.min_separation_m
     )
     up_m = position.alt_amsl_m - position.home_alt_amsl_m
-    return is_near and abs(up_m) <= MAX_HEIGHT_M and MIN_SPEED_M_S <= position.speed_m_s < math.inf
+    return is_near and abs(up_m) <= MAX_HOME_HEIGHT_M and MIN_SPEED_M_S <= position.speed_m_s < math.inf
 
 
 def position_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosition | None:
@@ -180,9 +184,9 @@ def position_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosi
     Speed and separation come from `own`. The result is None if the vehicle does not return, or if the state
     is implausible.
     """
-    if state.returns_to is None or abs(state.alt_rel_m) > MAX_HEIGHT_M:
+    if state.returns_to is None or abs(state.alt_rel_m) > MAX_HOME_HEIGHT_M:
         return None
-    if distance_m((state.lat_deg, state.lon_deg), state.returns_to) > MAX_DISTANCE_M:
+    if distance_m((state.lat_deg, state.lon_deg), state.returns_to) > MAX_HOME_DISTANCE_M:
         return None
     return VehiclePosition(
         state.lat_deg,
@@ -296,6 +300,6 @@ def _close_piece_m(
 def _distance_range_m(vehicle: ReturningVehicle) -> tuple[Floats, Floats]:
     """Return the least and the greatest distance from the start (steps,) [m] in each step of the return."""
     begin_s = np.arange(0.0, vehicle.takes_s, STEP_S)
-    slow_m = SLOWER * vehicle.speed_m_s * (begin_s - vehicle.departs_within_s)
-    fast_m = FASTER * vehicle.speed_m_s * (begin_s + STEP_S)
+    slow_m = SLOW_FACTOR * vehicle.speed_m_s * (begin_s - vehicle.departs_within_s)
+    fast_m = FAST_FACTOR * vehicle.speed_m_s * (begin_s + STEP_S)
     return np.clip(slow_m, 0.0, vehicle.home_distance_m), np.clip(fast_m, 0.0, vehicle.home_distance_m)

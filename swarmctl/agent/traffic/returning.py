@@ -35,7 +35,7 @@ from swarmctl.agent.traffic.return_schedule import may_be_returning, position_fr
 from swarmctl.agent.traffic.route_hold import would_block
 from swarmctl.agent.traffic.separation.other_vehicles import NeighbourReport
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
-from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin_wait, verdict
+from swarmctl.agent.traffic.wait import WAITS_ABOVE_M, Verdict, Wait, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import VehiclePosition
@@ -194,7 +194,7 @@ def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
     text = f"{blocked}; the vehicle lands as ordered [lands-anyway]"
     if not blocked:
         text = "the ground is clear; the vehicle lands as ordered [ground-clear]"
-    state, ordered = _land_here(state, wait)
+    state, ordered = _order_landing(state, wait)
     return state, [ev.NotifyOperator(text), *ordered]
 
 
@@ -212,7 +212,7 @@ def _may_return_instead(state: AgentState) -> bool:
     return bool(flights := return_flights(state)) and not _leaving_conflicts(state, flights)
 
 
-def _land_here(state: AgentState, wait: Wait, **changes: Any) -> StepResult:
+def _order_landing(state: AgentState, wait: Wait, **changes: Any) -> StepResult:
     ended = wait.ended(state.vehicle.time_boot_s)
     return command(state, ev.FlightOrder.LAND, phase=Phase.LEAVING, wait=ended, **changes)
 
@@ -229,7 +229,7 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
             ended = wait.over(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
             if _return_conflicts(state) and not _landing_conflicts(state):
                 text = "the return path is not clear at the end of the wait"
-                state, ordered = _land_here(state, wait, outcome=_outcome_with(state, text))
+                state, ordered = _order_landing(state, wait, outcome=_outcome_with(state, text))
                 return state, [
                     ev.NotifyOperator(f"{text}; the vehicle lands where it is [return-blocked]"),
                     *ordered,
@@ -265,7 +265,7 @@ def may_wait_to_leave(state: AgentState) -> bool:
     It has to be high enough, and a new hold must not block a vehicle that cannot give way.
     """
     up_m, here = state.vehicle.alt_rel_m, position_amsl(state)
-    if here is None or up_m is None or up_m < MIN_HEIGHT_M or _takes_off(state):
+    if here is None or up_m is None or up_m < WAITS_ABOVE_M or _takes_off(state):
         return False
     return state.is_waiting or not would_block(state)
 

@@ -45,14 +45,14 @@ from swarmctl.agent.traffic.priority import (
 from swarmctl.agent.traffic.separation.other_vehicles import Others
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN
-from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin_wait, verdict
+from swarmctl.agent.traffic.wait import WAITS_ABOVE_M, Verdict, Wait, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.planned_mission import PlannedMission
 from swarmctl.core.records import replace
 
-RESUME_AFTER_S, CLIMB_AFTER_S = (0.0, 3.0, 6.0), (0.0, 3.0)
+RESUME_DELAYS_S, CLIMB_DELAYS_S = (0.0, 3.0, 6.0), (0.0, 3.0)
 """Delays with which a resumed route has to be clear [s]: a vehicle follows a new plan after some seconds."""
 WAITS_NEAR = 4.0
 """Distance within which two vehicles wait for each other, in units of the separation."""
@@ -70,7 +70,7 @@ def may_give_way(state: AgentState) -> bool:
     was_in_group = state.phase is Phase.FORMATION or state.membership.left_boot_s > -math.inf
     climbed_m = task.altitude_m - 2.0 * task.separation.limits.vertical_m
     # A group may fly far below its members' own heights.
-    least_m = min(MIN_HEIGHT_M, climbed_m) if was_in_group else climbed_m
+    least_m = min(WAITS_ABOVE_M, climbed_m) if was_in_group else climbed_m
     return not state.lost and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= least_m
 
 
@@ -81,7 +81,7 @@ def follows_own_order(state: AgentState) -> bool:
         return False
     leaves = state.phase is Phase.LEAVING
     follows = leaves or state.order.is_followed or state.order.given in (None, ev.FlightOrder.LAUNCH)
-    is_high = vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= MIN_HEIGHT_M
+    is_high = vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= WAITS_ABOVE_M
     return follows and is_high and vehicle.armed and vehicle.mode_role in own_mode_roles(state)
 
 
@@ -195,9 +195,9 @@ def resume_if_clear(state: AgentState) -> StepResult:
         if is_report_due
         else "the vehicle holds in the way of another vehicle, which cannot give way in time"
     )
-    after_s = RESUME_AFTER_S if is_report_due else CLIMB_AFTER_S
+    delays_s = RESUME_DELAYS_S if is_report_due else CLIMB_DELAYS_S
     for height_m in () if hears_nobody(state) else heights_to_try(state, plan):
-        if _is_clear(state, _levelled(state, at_height(plan, height_m)), after_s):
+        if _is_clear(state, _levelled(state, at_height(plan, height_m)), delays_s):
             plans = state.plans.due(must_change=True)
             state = replace(state, height_offset_m=height_m - state.task.altitude_m, plans=plans)
             state = replace(state, conflicts=replace(state.conflicts, deferred_for=frozenset()))
@@ -272,13 +272,13 @@ def _levelled(state: AgentState, plan: FlightPlan) -> FlightPlan:
     return plan if here is None else with_level_off(state.task, plan, here)
 
 
-def _is_clear(state: AgentState, plan: FlightPlan, after_s: Sequence[float] = RESUME_AFTER_S) -> bool:
+def _is_clear(state: AgentState, plan: FlightPlan, delays_s: Sequence[float] = RESUME_DELAYS_S) -> bool:
     """Return whether a plan is clear for a start now or a few seconds later."""
     flight = flight_by_plan(state, plan)
     if flight is None:
         return False
     others, present = known_flights(state), planned_flight(state)
-    return not any(clashes_of_route(state, flight.later(seconds), others, present) for seconds in after_s)
+    return not any(clashes_of_route(state, flight.later(seconds), others, present) for seconds in delays_s)
 
 
 def _rest_of(state: AgentState, plan: FlightPlan) -> FlightPlan:

@@ -82,7 +82,7 @@ RULES: Mapping[WaitFor, WaitRule] = {
 """The deadline of a turn is the start time in the recall."""
 
 
-MIN_HEIGHT_M = 5.0
+WAITS_ABOVE_M = 5.0
 """Height above home below which a vehicle lands or leaves without waiting [m]."""
 PASSES_WITHIN_S = 10.0
 """Longest wait under an urgent failsafe, from its first begin [s]: another vehicle may pass just below, or

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from swarmctl.agent.replan.climb import CLIMB_M_S, DESCENT_M_S
 from swarmctl.agent.replan.copter_trajectory import LAND_M_S, LOW_M
 from swarmctl.agent.replan.travel_time import ACCELERATION_M_S2, CORNER_RADIUS_M
-from swarmctl.agent.traffic.return_schedule import FASTER
+from swarmctl.agent.traffic.return_schedule import FAST_FACTOR
 from swarmctl.core.records import replace
 from swarmctl.preflight.policy.behaviour import DeclaredBehaviour, cruise_speed
 from swarmctl.preflight.policy.required import RequiredParameter, Version, exactly
@@ -122,5 +122,5 @@ def _returns(behaviour: DeclaredBehaviour) -> Iterator[RequiredParameter]:
     yield exactly("RTL_CLIMB_MIN_M", behaviour.returns, 0.0)
     yield exactly("RTL_ALT_FINAL_M", _LANDS, _LAND_AT_HOME)
     speed = cruise_speed("RTL_SPEED_MS", behaviour)
-    fastest_m_s = FASTER * behaviour.speed_m_s
+    fastest_m_s = FAST_FACTOR * behaviour.speed_m_s
     yield replace(speed, set_to=_USE_WP_SPD, values=(_USE_WP_SPD,), most=fastest_m_s)
