@@ -147,10 +147,11 @@ class AgentState(msgspec.Struct, frozen=True):
     """Everything an agent knows; `step` returns a new state and never changes a state in place.
 
     Fields that end in `_boot_s` are times by the vehicle's clock. `disarmed_since_s` is a time by the run's
-    clock.
+    clock. A comment names the modules that write the fields below it.
     """
 
     task: Task
+    # The belief: `sharing`, and `orders` for an operator's weights.
     belief: Belief
     w: float
     """distance anxiety of the next plan (Eq. 5)"""
@@ -158,57 +159,62 @@ class AgentState(msgspec.Struct, frozen=True):
     """firing strengths of the next plan (Eq. 1)"""
     own: Belief | None = None
     """belief by the vehicle's own observations; None without autonomy"""
-    others: Mapping[int, OtherVehicle] = msgspec.field(default_factory=dict)
-    """present cells and goals of the vehicles in `task.others` that are not known to have ended"""
-    phase: Phase = Phase.WAITING
+    incarnation: int = 0
+    """number that grows with each start of the agent's program, part of the names of observations"""
+    next_seq: int = 1
+    refused: int = 0
+    """number of impossible observations received"""
+    # The vehicle, by its telemetry: `step`.
     vehicle: VehicleState = msgspec.field(default_factory=VehicleState)
     last_position: VehicleState = msgspec.field(default_factory=VehicleState)
     """telemetry of the last message with a position"""
     cell: Cell | None = None
     """cell below the last position; None outside the area, or before the first position"""
+    progress: Progress | None = None
+    """progress on `followed`, by the last telemetry with a position"""
+    flown: Flown = msgspec.field(default_factory=Flown)
     lost: bool = False
     """True while the link is lost"""
     silent_s: float = 0.0
     """time without telemetry, noted once a second while the link is lost [s]"""
     telemetry_is_late: bool = False
     """True while telemetry is too old to decide by it"""
-    plans: Plans = msgspec.field(default_factory=Plans)
-    progress: Progress | None = None
-    """progress on `followed`, by the last telemetry with a position"""
+    disarmed_since_s: float | None = None
+    """time of the first heartbeat that reports the vehicle disarmed; None while armed (`touchdown`)"""
+    # The flight: phase, order, plan. `phases` has the transitions; each record has methods for its changes.
+    phase: Phase = Phase.WAITING
     launch: Launch = msgspec.field(default_factory=Launch)
     order: GivenOrder = msgspec.field(default_factory=GivenOrder)
-    wait: Wait | None = None
-    """wait for other vehicles; None: the vehicle waits for none"""
+    plans: Plans = msgspec.field(default_factory=Plans)
     arrived_boot_s: float | None = None
     """time at which the vehicle was first seen in its goal cell; None after an order to leave the goal"""
-    disarmed_since_s: float | None = None
-    """time of the first heartbeat that reports the vehicle disarmed; None while armed"""
-    memories: tuple[Any, ...] = ()
-    """memory of each failsafe rule, in the order of `task.rules`"""
-    demands: tuple[Demand | None, ...] = ()
-    sent: SentBroadcasts = msgspec.field(default_factory=SentBroadcasts)
-    received: ReceivedBroadcasts = msgspec.field(default_factory=ReceivedBroadcasts)
-    alarms: tuple[ProximityAlarm, ...] = ()
-    """vehicles predicted to come too close"""
-    height_offset_m: float = 0.0
-    """height above the task's altitude, for separation from other vehicles [m]"""
-    conflicts: Conflicts = msgspec.field(default_factory=Conflicts)
-    membership: Membership = msgspec.field(default_factory=Membership)
-    """the vehicle's group as it knows it"""
-    common_arrival: CommonArrival = msgspec.field(default_factory=CommonArrival)
-    speed: CommandedSpeed = msgspec.field(default_factory=CommandedSpeed)
-    incarnation: int = 0
-    """number that grows with each start of the agent's program, part of the names of observations"""
-    next_seq: int = 1
-    flown: Flown = msgspec.field(default_factory=Flown)
-    refused: int = 0
-    """number of impossible observations received"""
     given_up: bool = False
     """True: the flight has failed, and the vehicle returns or lands"""
     outcome: str = ""
     """reason for the end of the flight, or for its last change by an order or a failsafe rule, as text"""
     trouble: str = ""
     """last problem, as text for the operator; empty: none"""
+    # Failsafe rules: `failsafes.enforcement`.
+    memories: tuple[Any, ...] = ()
+    """memory of each failsafe rule, in the order of `task.rules`"""
+    demands: tuple[Demand | None, ...] = ()
+    # Other vehicles: `traffic`.
+    sent: SentBroadcasts = msgspec.field(default_factory=SentBroadcasts)
+    received: ReceivedBroadcasts = msgspec.field(default_factory=ReceivedBroadcasts)
+    others: Mapping[int, OtherVehicle] = msgspec.field(default_factory=dict)
+    """present cells and goals of the vehicles in `task.others` that are not known to have ended"""
+    alarms: tuple[ProximityAlarm, ...] = ()
+    """vehicles predicted to come too close"""
+    conflicts: Conflicts = msgspec.field(default_factory=Conflicts)
+    wait: Wait | None = None
+    """wait for other vehicles; None: the vehicle waits for none"""
+    height_offset_m: float = 0.0
+    """height above the task's altitude, for separation from other vehicles [m]"""
+    # Flight with others: `formation` and `arrival`.
+    membership: Membership = msgspec.field(default_factory=Membership)
+    """the vehicle's group as it knows it"""
+    common_arrival: CommonArrival = msgspec.field(default_factory=CommonArrival)
+    speed: CommandedSpeed = msgspec.field(default_factory=CommandedSpeed)
 
     def enter(self, phase: Phase, **changes: Any) -> AgentState:
         """Return the state in another phase, with further changed fields. Raises IllegalTransition.
