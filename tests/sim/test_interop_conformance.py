@@ -1,8 +1,6 @@
 """The conformance suite as a process, over UDP and TCP, against the simulator as a process."""
 
-import contextlib
 import json
-import os
 import signal
 import socket
 import subprocess
@@ -11,10 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from simulator_process import Ground, SerialDevice, free_tcp_port, free_udp_port, line, simulator
-
-from sim_vehicle.conformance.link_wire import LinkWire
-from sim_vehicle.links.url import parse_url
+from simulator_process import Ground, free_tcp_port, free_udp_port, line, simulator
 
 pytestmark = [pytest.mark.interop, pytest.mark.full]
 LIMIT_S = 60.0
@@ -110,28 +105,3 @@ def test_an_interrupted_scenario_writes_no_verdict(number: signal.Signals, tmp_p
     assert process.returncode == 130, out + errors
     assert errors.count("\n") == 1
     assert not list(tmp_path.glob("*/verdict.json"))
-
-
-# -- serial --------------------------------------------------------------------------------------------------
-
-
-def test_a_returning_serial_device_is_opened_again(tmp_path: Path) -> None:
-    device = SerialDevice(tmp_path / "device")
-    end = device.plug_in()
-    lines: list[str] = []
-    wire = LinkWire(parse_url(f"serial:{device.name}:57600"), 1.0, warn=lines.append)
-    with contextlib.closing(wire):
-        os.write(end, b"before")
-        assert wire.receive(LIMIT_S) == b"before"
-        device.pull()
-        assert wire.receive(0.1) is None
-        wire.send(b"unplugged")
-        end = device.plug_in()
-        while len(lines) < 2:
-            assert wire.receive(0.1) is None
-        assert ["[device-lost]" in lines[0], "[device-returned]" in lines[1]] == [True, True]
-        os.write(end, b"after")
-        assert wire.receive(LIMIT_S) == b"after"
-        wire.send(b"answer")
-        assert os.read(end, 100) == b"answer"
-    device.pull()

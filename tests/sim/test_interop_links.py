@@ -39,18 +39,6 @@ def client(port: int) -> Ground:
 # -- UDP ---------------------------------------------------------------------------------------------------
 
 
-def test_the_whole_fleet_uses_one_udp_socket() -> None:
-    udp, port = udp_socket()
-    addresses = set()
-    more = ("--count", "3", "--sysid", "11", "--speedup", "5", "--url", f"udpout:127.0.0.1:{port}")
-    with udp, simulator(*more):
-        ground = Ground(udp)
-        while ground.received_systems != {11, 12, 13}:
-            ground.until(lambda m: m.get_type() == "HEARTBEAT")
-            addresses.add(ground.address)
-    assert len(addresses) == 1
-
-
 def test_vehicles_on_separate_ports_receive_their_own_messages() -> None:
     opened = udp_sockets(3)
     url = f"udpout:127.0.0.1:{opened[0].getsockname()[1]}"
@@ -185,16 +173,6 @@ def test_a_reboot_closes_the_connection_of_a_vehicle_with_its_own_port() -> None
                 again.systems(2)
             first.answered(4, 1)
             assert first.received_systems == {1}
-
-
-def test_a_tcp_client_reconnects() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        server.settimeout(LIMIT_S)
-        with simulator("--speedup", "5", "--url", f"tcpout:127.0.0.1:{server.getsockname()[1]}"):
-            for _ in range(2):
-                connection, _ = server.accept()
-                with connection:
-                    Ground(connection).systems(1)
 
 
 @pytest.mark.full

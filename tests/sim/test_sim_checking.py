@@ -41,15 +41,6 @@ def test_a_check_after_the_end_of_the_run_fails() -> None:
 ROUND = f"mission: [takeoff: 10, {at(10, 60)}, {at(10, 0)}, land]"
 
 
-@BOTH
-def test_a_goal_at_the_start_is_not_reached_on_the_ground(personality: str) -> None:
-    verdict = flown(
-        f"vehicles: [{{personality: {personality}, {ROUND}}}]\nchecks: [reached_goal]\nuntil_s: 8"
-    )
-    assert not verdict.passed
-    assert verdict.checks[0].failures[0].found.endswith("not flown yet")
-
-
 def test_a_goal_at_the_start_is_reached_by_returning() -> None:
     verdict = flown(
         f"vehicles: [{{{ROUND}}}]\nscript: [fly_mission]\n"

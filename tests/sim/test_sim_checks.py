@@ -212,21 +212,6 @@ def test_a_crashed_vehicle_has_not_landed(line: Any, found: str) -> None:
     assert [(failure.sysid, failure.found) for failure in checked.end(moment)] == [(1, found), (3, found)]
 
 
-@pytest.mark.parametrize(
-    ("fields", "found"),
-    [({}, "0 m high, disarmed, not flown yet"), ({"flown": YES, "truth": {"armed": YES}}, "0 m high, armed")],
-)
-def test_a_missing_landing_reports_the_state(fields: dict[str, Any], found: str) -> None:
-    assert check_of("landed").end(view(**fields))[0].found == found
-
-
-def test_an_unflown_mission_is_not_complete() -> None:
-    checked = check_of("mission_complete")
-    moment = view(mission_done=YES)
-    assert checked.observe(moment) == []
-    assert len(checked.end(moment)) == N
-
-
 def test_a_missed_deadline_fails_at_its_time() -> None:
     checked = check_of({"airborne": {"by_s": 30}})
     assert checked.observe(view(29.95)) == []
@@ -234,12 +219,6 @@ def test_a_missed_deadline_fails_at_its_time() -> None:
     assert (first.t_s, first.found) == (30.0, "1.5 m high")
     assert checked.observe(view(31.0, truth={"airborne": YES})) == []
     assert len(checked.failures) == N
-
-
-def test_a_failure_has_time_vehicle_check_and_value() -> None:
-    moment = view(34.5, position_m=np.array([at(0, 0, 9), at(3, 0, 9), at(0, 0, 0)]), truth=FLYING)
-    (first, _) = check_of({"min_separation_m": 5}).observe(moment)
-    assert str(first) == "t=34.50 s, vehicle 1: min_separation_m 5: failed, found 3 m"
 
 
 @settings(max_examples=examples(60))

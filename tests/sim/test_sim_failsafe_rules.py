@@ -217,10 +217,6 @@ def test_fs_options_lets_a_copter_continue_without_a_ground_station(
     assert text in station.texts()
 
 
-def test_pilot_modes_continue_without_a_ground_station_by_default() -> None:
-    assert start_station().parameter("FS_OPTIONS") == 16
-
-
 @pytest.mark.parametrize(("watched", "mode"), [(0, "GUIDED"), (1, "RTL")])
 def test_a_watched_remote_control_is_lost_after_a_second(watched: int, mode: str) -> None:
     station = start_station(FS_THR_ENABLE=watched)

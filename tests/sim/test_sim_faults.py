@@ -176,15 +176,6 @@ def test_a_battery_sag_is_reported_and_ends() -> None:
     assert reported_v() == pytest.approx(before_v, abs=0.1)
 
 
-def test_removed_charge_returns_at_the_end_of_the_fault() -> None:
-    station = Station()
-    station.inject("battery_sag:sag_v=0,at_most=0.3,for=5")
-    station.wait(1)
-    assert station.fleet.truth().battery_remaining[0] == pytest.approx(0.3, abs=0.01)
-    station.wait(5)
-    assert station.fleet.truth().battery_remaining[0] > 0.99
-
-
 def test_a_fleet_with_all_faults_at_once_continues() -> None:
     impaired = fleet(4, *[f"{name}:at=2,for=20" for name in FAULTS], *[f"{name}:at=12" for name in FAULTS])
     codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)

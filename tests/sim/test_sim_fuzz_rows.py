@@ -12,7 +12,6 @@ from station import LAT_DEG, LON_DEG
 from sim_vehicle.files.ftp import HEADER
 
 PLACE = (round(LAT_DEG * 1e7), round((LON_DEG + 1e-3) * 1e7))
-HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 CALIBRATION = mavlink.MAV_CMD_PREFLIGHT_CALIBRATION
 ACCEPTED, UNSUPPORTED, IN_PROGRESS, CANCELLED = 0, 3, 5, 6
@@ -45,15 +44,6 @@ def test_an_interval_beyond_the_range_of_its_message(name: str, kind: str) -> No
     reported = [m.interval_us for _, m in bench.received if m.get_type() == "MESSAGE_INTERVAL"]
     assert reported
     assert set(reported) == {2**31 - 1}
-
-
-@pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_heartbeats_at_the_default_interval_continue(name: str, kind: str) -> None:
-    bench = Bench(name, kind)
-    for interval_us in (-1, 0):
-        assert bench.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, HEARTBEAT, interval_us) == ACCEPTED
-    beats = [m for m in bench.wait(3.1) if m.get_type() == "HEARTBEAT" and m.get_srcSystem() == 1]
-    assert len(beats) == 3
 
 
 def test_a_negative_count_of_flights() -> None:
@@ -109,13 +99,6 @@ def test_a_position_outside_the_earth_in_a_legacy_item(name: str, kind: str, at:
     for seq in range(2):
         bench.send(mavlink.MAVLink_mission_item_message(1, 1, seq, 3, 22, 0, 1, 0, 0, 0, 0, at, at, 20, 0))
     assert any(m.get_type() == "MISSION_ACK" and m.type != ACCEPTED for _, m in bench.received)
-    bench.check()
-
-
-@pytest.mark.parametrize(("name", "kind"), CRAFT)
-def test_a_request_for_the_protocol_version(name: str, kind: str) -> None:
-    bench = Bench(name, kind)
-    assert bench.command(mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION, 1) is not None
     bench.check()
 
 

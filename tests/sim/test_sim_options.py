@@ -139,11 +139,6 @@ def test_surplus_system_ids_use_more_ports_only_on_request() -> None:
     assert (scenario.vehicles[-1].link, scenario.vehicles[-1].sysid) == (1, 1)
 
 
-def test_an_invalid_fault_is_named_once() -> None:
-    with pytest.raises(OptionError, match=r"^--fault packet_loss: rate=2: .*\[fault-value\]$"):
-        make_scenario(FleetOptions(faults=["packet_loss:rate=2"]))
-
-
 def test_parameters_are_set_on_vehicles_that_have_them() -> None:
     scenario, notes = make_scenario(
         FleetOptions(personality="mixed", params=["WPNAV_SPEED=800", "MPC_XY_CRUISE = 7.5"])

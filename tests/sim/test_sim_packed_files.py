@@ -4,19 +4,14 @@ import struct
 from typing import Any
 
 import pytest
-from files_client import FtpClient
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 from pymavlink import mavftp
-from station import fleet_of
 
-from sim_vehicle.files import ftp_rules as ftp
-from sim_vehicle.files.filesystem import FileError, FileSystem
-from sim_vehicle.files.ftp_rules import FtpError, Opcode
+from sim_vehicle.files.filesystem import FileError
 from sim_vehicle.files.logs.recorder import StoredLog
 from sim_vehicle.files.packed_files import Parameter, pack_parameters, unpack_mission, unpack_parameters
-from sim_vehicle.personalities.px4.storage import files as px4_files
 from sim_vehicle.personalities.px4.storage import log_name
 
 NAMES = st.text(alphabet="ABC_12", min_size=1, max_size=16)
@@ -102,18 +97,6 @@ def test_any_upload_is_accepted_or_refused(content: bytes, head: bool) -> None:
 
 
 # -- the files of a vehicle ------------------------------------------------------------------------------
-
-
-def names(files: FileSystem, path: str) -> list[str]:
-    return [entry.name for entry in files.entries(path)]
-
-
-def test_the_file_tree_of_px4_has_the_metadata() -> None:
-    vehicle = fleet_of(personality="px4").vehicles[0]
-    files = px4_files(vehicle, vehicle.storage.recorder)
-    assert names(files, "/etc/extras") == ["component_general.json.xz", "parameters.json.xz"]
-    client = FtpClient(files, ftp.PX4)
-    assert client.one(Opcode.REMOVE_FILE, b"/etc/extras/parameters.json.xz").error == FtpError.FAIL_ERRNO
 
 
 @pytest.mark.parametrize(

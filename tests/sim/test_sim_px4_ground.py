@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 from profiles import examples
 from px4_station import (
     ACCEPTED,
-    ACRO,
-    ALTITUDE,
     AUTO,
     DENIED,
     FAILED,
@@ -61,14 +59,6 @@ def test_arming_is_temporarily_rejected_for_36_to_38_seconds() -> None:
     assert station.of("HOME_POSITION") != []
     assert station.arm() == ACCEPTED
     assert "Armed by external command" in station.texts()
-
-
-def test_a_mode_set_right_after_boot_stays() -> None:
-    station = Px4Station(ready_s=None)
-    station.wait(0.5)
-    assert station.change(ALTITUDE) == ACCEPTED
-    station.wait(10.0)
-    assert station.custom_mode == (ALTITUDE, 0)
 
 
 @pytest.mark.autopilots("2 PX4 otherwise", "MAVSDK 5 telemetry", of="px4")
@@ -125,12 +115,6 @@ def test_data_streams_are_unsupported() -> None:
 
 
 # -- modes -----------------------------------------------------------------------------------------------
-
-
-def test_acro_may_be_chosen_on_the_ground() -> None:
-    station = Px4Station()
-    assert station.change(ACRO) == ACCEPTED
-    assert station.custom_mode == (ACRO, 0)
 
 
 def test_auto_without_a_sub_mode_is_mission_and_an_unknown_sub_mode_is_rejected() -> None:

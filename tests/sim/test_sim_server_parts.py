@@ -57,10 +57,6 @@ def test_quantiles_are_exact_to_a_bin(late_s: Sequence[float], share: float) -> 
     assert lateness.count == len(late_s)
 
 
-def test_lateness_without_messages_is_nan() -> None:
-    assert str(Lateness().quantile_s(0.99)) == "nan"
-
-
 def run_manual_clock(lines: bytes, cuts: Sequence[int] = ()) -> tuple[list[float], list[str], list[str]]:
     """Return the ticks of 0.5 s that were run, the answers and the warnings."""
 

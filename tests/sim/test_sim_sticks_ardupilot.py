@@ -53,18 +53,6 @@ def flying(mode: int, height_m: float = 40.0) -> Station:
 # -- channels --------------------------------------------------------------------------------------------
 
 
-def test_rc_channels_shows_the_receiver_and_overrides_until_rc_override_time() -> None:
-    station = Station()
-    assert station.ask(mavlink.MAVLINK_MSG_ID_RC_CHANNELS).chancount == 8
-    assert channels(station) == RECEIVER
-    override(station, 1600, 1400, 1300, 1700)
-    assert channels(station) == [1600, 1400, 1300, 1700, *RECEIVER[4:]]
-    station.wait(2.8)
-    assert channels(station)[0] == 1600
-    station.wait(0.3)
-    assert channels(station) == RECEIVER
-
-
 @pytest.mark.full
 @pytest.mark.parametrize(("limit_s", "after_10_s"), [(0.0, 1500), (-1.0, 1600), (20.0, 1600), (5.0, 1500)])
 def test_rc_override_time(limit_s: float, after_10_s: int) -> None:

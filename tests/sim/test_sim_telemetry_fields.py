@@ -152,6 +152,8 @@ ROWS: tuple[tuple[str, str, Expected, float, tuple[str, ...]], ...] = (
     ("GPS_RAW_INT", "eph", lambda _f: 121, 0, BOTH),  # a dilution of 1.21
     ("GPS_RAW_INT", "h_acc", lambda _f: 1210, 0, BOTH),
     ("GPS_RAW_INT", "v_acc", lambda _f: 1936, 0, BOTH),
+    ("GPS_RAW_INT", "fix_type", lambda _f: mavlink.GPS_FIX_TYPE_RTK_FIXED, 0, ARDUPILOT),
+    ("GPS_RAW_INT", "fix_type", lambda _f: mavlink.GPS_FIX_TYPE_3D_FIX, 0, PX4),
     ("VFR_HUD", "groundspeed", lambda f: f.speed_m_s, 0.15, BOTH),
     ("VFR_HUD", "airspeed", lambda f: f.airspeed_m_s, 0.5, BOTH),
     ("VFR_HUD", "climb", lambda f: f.up_m_s, 0.15, BOTH),

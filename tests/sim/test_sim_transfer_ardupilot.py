@@ -137,22 +137,16 @@ def test_the_storage_of_a_fence_is_limited() -> None:
     assert len(station.download(FENCE)) == 69
 
 
-@pytest.mark.autopilots("2 fence")
-def test_fence_total_is_reported() -> None:
+@pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence")
+def test_an_upload_sets_fence_total_and_does_not_enable_the_fence() -> None:
     station = TransferStation()
     triangle = [*ring(3), fields(3, RETURN_POINT)]
     for items, total in ((square(), 6), (triangle, 5), ([fields(0, CIRCLE, param1=9.0)], 0)):
         assert station.upload(items, FENCE) == ACCEPTED
         assert station.parameter("FENCE_TOTAL") == total
+        assert station.parameter("FENCE_ENABLE") == 0
     assert station.clear(FENCE) == [ACCEPTED]
     assert station.parameter("FENCE_TOTAL") == 0
-
-
-@pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence")
-def test_an_uploaded_fence_is_not_enabled() -> None:
-    station = TransferStation()
-    assert station.upload(square(), FENCE) == ACCEPTED
-    assert station.parameter("FENCE_ENABLE") == 0
 
 
 @pytest.mark.autopilots("2 fence")
