@@ -24,13 +24,12 @@ from station import (
 
 from sim_vehicle.station.messages import command_long
 
-GUIDED, RTL_PLANE, GUIDED_PLANE = 4, 11, 15
 FAILED = 4
 
 
 def plane_in_guided(params: dict[str, float] | None = None) -> Station:
     station = airborne_plane(params)
-    assert station.set_mode(GUIDED_PLANE) == 0
+    assert station.set_mode("GUIDED") == 0
     return station
 
 
@@ -79,7 +78,7 @@ def test_a_low_battery_refuses_arming_by_its_limit() -> None:
     station = Station()
     station.set_parameter("SIM_BATT_VOLTAGE", 10.0)
     station.wait(1)
-    assert station.set_mode(GUIDED) == 0
+    assert station.set_mode("GUIDED") == 0
     assert station.arm() == FAILED
     assert "Arm: Battery 1 low voltage failsafe" in station.texts()
     station.set_parameter("SIM_BATT_VOLTAGE", 12.6)
@@ -89,7 +88,7 @@ def test_a_low_battery_refuses_arming_by_its_limit() -> None:
 
 def test_a_recovered_battery_refuses_arming_until_the_next_boot() -> None:
     station = Station()
-    station.set_mode(GUIDED)
+    station.set_mode("GUIDED")
     assert station.arm() == 0
     station.set_parameter("DISARM_DELAY", 0)
     station.set_parameter("SIM_BATT_VOLTAGE", 10.0)
@@ -107,7 +106,7 @@ def test_a_silent_ground_station_refuses_arming() -> None:
     station = Station()
     station.set_parameter("FS_GCS_ENABLE", 1)
     station.beat()
-    station.set_mode(GUIDED)
+    station.set_mode("GUIDED")
     station.wait(7)
     assert station.arm() == FAILED
     assert "Arm: GCS failsafe on" in station.texts()
@@ -119,7 +118,7 @@ def test_a_failsafe_with_an_action_stops_the_motors_on_the_ground() -> None:
     station = Station()
     station.set_parameter("FS_GCS_ENABLE", 1)
     station.beat()
-    station.set_mode(GUIDED)
+    station.set_mode("GUIDED")
     assert station.arm() == 0
     took_s = station.until(lambda: not station.armed, 9)
     assert took_s == pytest.approx(5, abs=0.5)
@@ -128,7 +127,7 @@ def test_a_failsafe_with_an_action_stops_the_motors_on_the_ground() -> None:
 
 def test_a_failsafe_without_an_action_leaves_the_motors_on() -> None:
     station = Station()
-    station.set_mode(GUIDED)
+    station.set_mode("GUIDED")
     assert station.arm() == 0
     station.set_parameter("DISARM_DELAY", 0)
     station.set_parameter("SIM_BATT_VOLTAGE", 10.0)  # BATT_FS_LOW_ACT 0
@@ -181,7 +180,7 @@ def test_a_plane_returns_at_its_altitude_from_above_and_below(
     station = plane_in_guided({"RTL_ALTITUDE": altitude_m})
     assert station.reposition(200, start_m) == 0
     station.until(lambda: abs(station.height_m - start_m) < 2, 90)
-    assert station.set_mode(RTL_PLANE) == 0
+    assert station.set_mode("RTL") == 0
     station.wait(60)
     assert station.height_m == pytest.approx(end_m, abs=4)
 
@@ -195,7 +194,7 @@ def test_the_time_of_a_breach_counts_from_the_boot() -> None:
     station.set_parameter("FENCE_ACTION", 0)
     station.set_parameter("FENCE_ENABLE", 1)
     assert station.ask(mavlink.MAVLINK_MSG_ID_FENCE_STATUS).breach_time == 0
-    station.set_mode(GUIDED)
+    station.set_mode("GUIDED")
     assert station.arm() == 0
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20) == 0
     station.until(lambda: any("breached" in text for text in station.texts()), 60)
@@ -223,7 +222,7 @@ def test_a_yaw_in_a_body_frame_is_relative_to_the_heading(frame: int, turns: boo
 def test_px4_counts_a_yaw_in_a_body_frame_from_north() -> None:
     station = QuietPx4Station()
     station.hold(setpoint(velocity=(0, 0, -1), yaw=1.0), 2)
-    assert station.change(6) == 0
+    assert station.set_mode("Offboard") == 0
     assert station.arm() == 0
     station.hold(setpoint(velocity=(0, 0, -1), yaw=1.0, frame=BODY), 10)
     assert station.height_m > 3
@@ -235,7 +234,7 @@ def test_px4_counts_a_yaw_in_a_body_frame_from_north() -> None:
 
 def test_with_sysid_enforce_only_messages_of_the_ground_station_count() -> None:
     station = Station(sysid=42)
-    assert station.set_mode(GUIDED) == 0
+    assert station.set_mode("GUIDED") == 0
     station.set_parameter("SYSID_ENFORCE", 1)
     request = mavlink.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1)
     arm = command_long((1, 0), mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)

@@ -48,7 +48,7 @@ def test_only_sysid_mygcs_keeps_the_ground_station_failsafe_quiet() -> None:
     station = Station()
     station.set_parameter("FS_GCS_ENABLE", 1)
     station.beat()
-    station.set_mode(4)
+    station.set_mode("GUIDED")
     station.arm()
     station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20)
     wait_beating(station, 10, sysid=254)

@@ -6,7 +6,6 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, home_item, item, land, place_m, takeoff, waypoint
 
-AUTO = 3
 ACCEPTED, FAILED = 0, 4
 CURRENT = mavlink.MAVLINK_MSG_ID_MISSION_CURRENT
 SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
@@ -87,5 +86,5 @@ def test_setting_the_current_item_with_a_reset_restarts_the_jump_counts() -> Non
 @pytest.mark.autopilots("2 pause/continue")
 def test_an_empty_mission_cannot_be_paused() -> None:
     station = Station()
-    assert station.set_mode(AUTO) == 0
+    assert station.set_mode("AUTO") == 0
     assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0) == FAILED

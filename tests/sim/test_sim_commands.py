@@ -20,15 +20,17 @@ FAILED, DENIED, UNSUPPORTED = (
 @pytest.mark.parametrize(
     ("age_s", "mode", "text"),
     [
-        pytest.param(5, 4, "Arm: Need Position Estimate", id="GUIDED before the GPS fix"),
-        pytest.param(40, 4, "Arm: Need Position Estimate", id="GUIDED just before the position estimate"),
-        pytest.param(5, 0, "Arm: AHRS: waiting for home", id="STABILIZE before home"),
-        pytest.param(42, 17, "Arm: BRAKE mode not armable", id="BRAKE"),
-        pytest.param(42, 6, "Arm: RTL mode not armable", id="RTL"),
-        pytest.param(42, 9, "Arm: LAND mode not armable", id="LAND"),
+        (5, "GUIDED", "Arm: Need Position Estimate"),
+        pytest.param(
+            40, "GUIDED", "Arm: Need Position Estimate", id="GUIDED just before the position estimate"
+        ),
+        (5, "STABILIZE", "Arm: AHRS: waiting for home"),
+        (42, "BRAKE", "Arm: BRAKE mode not armable"),
+        (42, "RTL", "Arm: RTL mode not armable"),
+        (42, "LAND", "Arm: LAND mode not armable"),
     ],
 )
-def test_arming_is_refused_with_the_reason_in_a_text(age_s: float, mode: int, text: str) -> None:
+def test_arming_is_refused_with_the_reason_in_a_text(age_s: float, mode: str, text: str) -> None:
     station = Station(ready_s=41.0)
     station.wait(age_s)
     assert station.set_mode(mode) == 0
@@ -41,11 +43,11 @@ def test_arming_is_refused_with_the_reason_in_a_text(age_s: float, mode: int, te
 def test_a_mode_set_right_after_boot_is_acknowledged_and_silently_undone() -> None:
     station = Station(ready_s=41.0)
     station.wait(0.5)
-    assert station.set_mode(4) == 0
+    assert station.set_mode("GUIDED") == 0
     assert station.mode == "GUIDED"
     station.wait(2)
     assert station.mode == "STABILIZE"
-    assert station.set_mode(4) == 0
+    assert station.set_mode("GUIDED") == 0
     station.wait(2)
     assert station.mode == "GUIDED"
 
@@ -77,7 +79,7 @@ def test_a_take_off_of_an_armed_copter_needs_guided() -> None:
 def test_a_reposition_outside_of_guided_needs_its_flag() -> None:
     station = Station()
     station.fly()
-    assert station.set_mode(17) == 0
+    assert station.set_mode("BRAKE") == 0
     assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, 460490000, 145060000, 20) == DENIED
 
 
@@ -110,7 +112,7 @@ def test_a_reboot_begins_with_silence() -> None:
 def test_a_home_set_by_command_stays_when_arming() -> None:
     station = Station()
     assert station.command_int(mavlink.MAV_CMD_DO_SET_HOME, 0, 460600000, 145070000, 250) == 0
-    assert station.set_mode(4) == 0
+    assert station.set_mode("GUIDED") == 0
     assert station.arm() == 0
     assert station.command(mavlink.MAV_CMD_GET_HOME_POSITION) == 0
     home = station.of("HOME_POSITION")[-1]
@@ -142,7 +144,7 @@ def test_a_mission_moves_on_in_auto_while_disarmed() -> None:
     # A waypoint where the vehicle stands is "reached" on the ground.
     station = Station()
     assert station.upload([home_item(), waypoint(0, 0, 0.5), waypoint(100, 0)]) == 0
-    assert station.set_mode(3) == 0
+    assert station.set_mode("AUTO") == 0
     station.wait(1)
     assert [m.seq for m in station.of("MISSION_ITEM_REACHED")] == [1]
     assert "Reached command #1" in station.texts()

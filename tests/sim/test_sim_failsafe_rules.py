@@ -7,18 +7,16 @@ from station import Station, airborne_plane, home_item, land, landing_mission, s
 
 FAILED = int(mavlink.MAV_RESULT_FAILED)
 FORCE = 21196
-STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL = 0, 2, 3, 4, 5, 6
-MANUAL, CIRCLE, FBWA, FBWB, PLANE_AUTO, PLANE_LOITER, PLANE_TAKEOFF, PLANE_GUIDED = 0, 1, 5, 6, 10, 12, 13, 15
 
 
 def start_station(kind: str = "copter", *, ready_s: float = 0.0, **params: float) -> Station:
     return station_of(kind, params, ready_s=ready_s)
 
 
-def plane(mode: int, **params: float) -> Station:
+def plane(mode: str, **params: float) -> Station:
     """Return a station with the vehicle in the air, in that mode."""
     station = airborne_plane(params)
-    if mode == PLANE_AUTO:
+    if mode == "AUTO":
         station.upload([home_item(), waypoint(5000, 0, 60)])
     assert station.set_mode(mode) == 0
     return station
@@ -65,10 +63,10 @@ def test_a_low_battery_of_a_plane_starts_its_mission_landing_or_a_return(
 ) -> None:
     station = start_station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=action, BATT_LOW_TIMER=1)
     station.upload(landing_mission()[: None if lands else 3])
-    station.set_mode(PLANE_TAKEOFF)
+    station.set_mode("TAKEOFF")
     assert station.arm() == 0
     station.until(lambda: station.height_m > 45, 60)
-    station.set_mode(PLANE_GUIDED)
+    station.set_mode("GUIDED")
     station.set_parameter("SIM_BATT_VOLTAGE", 11.0)
     station.until(lambda: any("is low" in text for text in station.texts()), 10)
     station.wait(1)
@@ -78,7 +76,7 @@ def test_a_low_battery_of_a_plane_starts_its_mission_landing_or_a_return(
 @pytest.mark.parametrize(("kind", "is_watched"), [("copter", True), ("plane", False)])
 def test_the_voltage_is_watched_by_default_on_a_copter_only(*, kind: str, is_watched: bool) -> None:
     station = start_station(kind, BATT_LOW_TIMER=1)
-    assert station.set_mode({"copter": GUIDED, "plane": PLANE_TAKEOFF}[kind]) == 0
+    assert station.set_mode({"copter": "GUIDED", "plane": "TAKEOFF"}[kind]) == 0
     assert station.arm() == 0
     if kind == "copter":
         assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20) == 0
@@ -107,16 +105,16 @@ def test_failsafes_do_not_interrupt_a_mission_landing() -> None:
 @pytest.mark.parametrize(
     ("action", "begun_in", "ends_in"),
     [
-        (0, GUIDED, "GUIDED"),
-        *full_only((1, GUIDED, "LAND"), (2, GUIDED, "ALT_HOLD")),
-        (2, RTL, "ALT_HOLD"),
-        *full_only((3, GUIDED, "LAND"), (1, ALT_HOLD, "ALT_HOLD")),
-        (2, STABILIZE, "STABILIZE"),
-        (3, ALT_HOLD, "LAND"),
+        (0, "GUIDED", "GUIDED"),
+        *full_only((1, "GUIDED", "LAND"), (2, "GUIDED", "ALT_HOLD")),
+        (2, "RTL", "ALT_HOLD"),
+        *full_only((3, "GUIDED", "LAND"), (1, "ALT_HOLD", "ALT_HOLD")),
+        (2, "STABILIZE", "STABILIZE"),
+        (3, "ALT_HOLD", "LAND"),
     ],
 )
 def test_the_action_of_a_lost_position_follows_parameter_and_mode(
-    action: int, begun_in: int, ends_in: str
+    action: int, begun_in: str, ends_in: str
 ) -> None:
     station = start_station(FS_EKF_ACTION=action)
     station.fly(80)
@@ -187,7 +185,7 @@ def test_a_brake_or_land_without_a_position_lands() -> None:
     station = start_station(FS_THR_ENABLE=7)
     station.fly(80)
     station.inject("gps_loss")
-    station.set_mode(ALT_HOLD)
+    station.set_mode("ALT_HOLD")
     station.until(lambda: not station.fleet.vehicles[0].position_known(station.now), 10)
     station.inject("rc_loss")
     station.until(lambda: station.mode == "LAND", 5)
@@ -196,16 +194,16 @@ def test_a_brake_or_land_without_a_position_lands() -> None:
 @pytest.mark.parametrize(
     ("options", "mode", "ends_in", "text"),
     [
-        (16, ALT_HOLD, "ALT_HOLD", "GCS Failsafe - Continuing Pilot Control"),
-        (16, LOITER, "LOITER", "GCS Failsafe - Continuing Pilot Control"),
-        (16, GUIDED, "RTL", "GCS Failsafe"),
-        (0, ALT_HOLD, "RTL", "GCS Failsafe"),
-        (2, AUTO, "AUTO", "GCS Failsafe - Continuing Auto Mode"),
-        (16, AUTO, "RTL", "GCS Failsafe"),
+        (16, "ALT_HOLD", "ALT_HOLD", "GCS Failsafe - Continuing Pilot Control"),
+        (16, "LOITER", "LOITER", "GCS Failsafe - Continuing Pilot Control"),
+        (16, "GUIDED", "RTL", "GCS Failsafe"),
+        (0, "ALT_HOLD", "RTL", "GCS Failsafe"),
+        (2, "AUTO", "AUTO", "GCS Failsafe - Continuing Auto Mode"),
+        (16, "AUTO", "RTL", "GCS Failsafe"),
     ],
 )
 def test_fs_options_lets_a_copter_continue_without_a_ground_station(
-    options: int, mode: int, ends_in: str, text: str
+    options: int, mode: str, ends_in: str, text: str
 ) -> None:
     station = start_station(FS_GCS_ENABLE=1, FS_OPTIONS=options)
     station.fly_mission([takeoff(60), waypoint(2000, 0, 60)])
@@ -232,19 +230,19 @@ def test_a_watched_remote_control_is_lost_after_a_second(watched: int, mode: str
 @pytest.mark.parametrize(
     ("long_action", "mode", "at_short", "at_long"),
     [
-        *full_only((0, MANUAL, "CIRCLE", "RTL")),
-        (0, FBWA, "CIRCLE", "RTL"),
-        *full_only((0, CIRCLE, "CIRCLE", "RTL")),
-        (0, PLANE_LOITER, "LOITER", "RTL"),
-        (0, PLANE_GUIDED, "GUIDED", "GUIDED"),
-        *full_only((0, PLANE_AUTO, "AUTO", "AUTO"), (1, PLANE_GUIDED, "GUIDED", "RTL")),
-        (1, PLANE_AUTO, "AUTO", "RTL"),
-        (2, MANUAL, "CIRCLE", "FBWA"),
-        *full_only((2, PLANE_GUIDED, "GUIDED", "FBWA"), (5, PLANE_GUIDED, "GUIDED", "RTL")),
+        *full_only((0, "MANUAL", "CIRCLE", "RTL")),
+        (0, "FBWA", "CIRCLE", "RTL"),
+        *full_only((0, "CIRCLE", "CIRCLE", "RTL")),
+        (0, "LOITER", "LOITER", "RTL"),
+        (0, "GUIDED", "GUIDED", "GUIDED"),
+        *full_only((0, "AUTO", "AUTO", "AUTO"), (1, "GUIDED", "GUIDED", "RTL")),
+        (1, "AUTO", "AUTO", "RTL"),
+        (2, "MANUAL", "CIRCLE", "FBWA"),
+        *full_only((2, "GUIDED", "GUIDED", "FBWA"), (5, "GUIDED", "GUIDED", "RTL")),
     ],
 )
 def test_a_plane_without_a_remote_control_acts_in_two_stages(
-    long_action: int, mode: int, at_short: str, at_long: str
+    long_action: int, mode: str, at_short: str, at_long: str
 ) -> None:
     station = plane(mode, FS_LONG_ACTN=long_action)
     station.inject("rc_loss")
@@ -259,10 +257,10 @@ def test_a_plane_without_a_remote_control_acts_in_two_stages(
 
 @pytest.mark.parametrize(
     ("short_action", "mode", "at_short"),
-    [(1, PLANE_GUIDED, "CIRCLE"), (2, MANUAL, "FBWA"), (3, MANUAL, "MANUAL"), (4, MANUAL, "FBWB")],
+    [(1, "GUIDED", "CIRCLE"), (2, "MANUAL", "FBWA"), (3, "MANUAL", "MANUAL"), (4, "MANUAL", "FBWB")],
 )
 def test_the_short_failsafe_of_a_plane_follows_its_parameter(
-    short_action: int, mode: int, at_short: str
+    short_action: int, mode: str, at_short: str
 ) -> None:
     station = plane(mode, FS_SHORT_ACTN=short_action)
     station.inject("rc_loss")
@@ -271,21 +269,21 @@ def test_the_short_failsafe_of_a_plane_follows_its_parameter(
 
 
 def test_without_a_short_failsafe_the_long_one_counts_from_the_last_frame() -> None:
-    station = plane(MANUAL, FS_SHORT_ACTN=3, FS_LONG_TIMEOUT=3)
+    station = plane("MANUAL", FS_SHORT_ACTN=3, FS_LONG_TIMEOUT=3)
     station.inject("rc_loss")
     assert station.until(lambda: station.mode == "RTL", 10) == pytest.approx(3, abs=0.2)
 
 
 def test_a_plane_resumes_its_mode_when_the_remote_control_returns_in_time() -> None:
-    station = plane(FBWB)
+    station = plane("FBWB")
     station.inject("rc_loss:for=3")
     station.until(lambda: station.mode == "CIRCLE", 3)
     station.until(lambda: station.mode == "FBWB", 5)
     assert station.texts()[-2:] == ["RC Short Failsafe: switched to CIRCLE", "Short Failsafe Cleared"]
 
 
-@pytest.mark.parametrize(("mode", "ends_in"), [(MANUAL, "RTL"), (PLANE_GUIDED, "GUIDED")])
-def test_a_plane_without_a_ground_station_returns_from_pilot_modes(mode: int, ends_in: str) -> None:
+@pytest.mark.parametrize(("mode", "ends_in"), [("MANUAL", "RTL"), ("GUIDED", "GUIDED")])
+def test_a_plane_without_a_ground_station_returns_from_pilot_modes(mode: str, ends_in: str) -> None:
     station = plane(mode, FS_GCS_ENABL=1)
     station.beat()
     station.wait(6)
@@ -294,7 +292,7 @@ def test_a_plane_without_a_ground_station_returns_from_pilot_modes(mode: int, en
 
 
 def test_a_plane_without_a_throttle_failsafe_ignores_a_lost_remote_control() -> None:
-    station = plane(MANUAL, THR_FAILSAFE=0)
+    station = plane("MANUAL", THR_FAILSAFE=0)
     station.inject("rc_loss")
     station.wait(8)
     assert station.mode == "MANUAL"
@@ -307,7 +305,7 @@ def test_a_plane_without_a_throttle_failsafe_ignores_a_lost_remote_control() -> 
 def test_a_lost_remote_control_refuses_arming(kind: str) -> None:
     station = start_station(kind)
     station.inject("rc_loss:for=5")
-    station.set_mode(GUIDED if kind == "copter" else PLANE_GUIDED)
+    station.set_mode("GUIDED")
     station.wait(2)
     assert station.arm() == FAILED
     assert "Arm: Radio failsafe on" in station.texts()
@@ -318,7 +316,7 @@ def test_a_lost_remote_control_refuses_arming(kind: str) -> None:
 def test_a_copter_forced_to_arm_without_a_remote_control_stays_armed() -> None:
     station = start_station()
     station.inject("rc_loss")
-    station.set_mode(GUIDED)
+    station.set_mode("GUIDED")
     station.wait(2)
     assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0
     station.wait(3)
@@ -328,14 +326,14 @@ def test_a_copter_forced_to_arm_without_a_remote_control_stays_armed() -> None:
 @pytest.mark.parametrize(
     ("kind", "mode", "params", "refusal"),
     [
-        ("copter", GUIDED, {}, "Need Position Estimate"),
-        ("copter", STABILIZE, {}, None),
-        ("copter", STABILIZE, {"FENCE_ENABLE": 1}, "Fence enabled, need position estimate"),
-        ("plane", PLANE_GUIDED, {}, None),
+        ("copter", "GUIDED", {}, "Need Position Estimate"),
+        ("copter", "STABILIZE", {}, None),
+        ("copter", "STABILIZE", {"FENCE_ENABLE": 1}, "Fence enabled, need position estimate"),
+        ("plane", "GUIDED", {}, None),
     ],
 )
 def test_a_needed_position_cannot_be_replaced_by_force(
-    kind: str, mode: int, params: dict[str, float], refusal: str | None
+    kind: str, mode: str, params: dict[str, float], refusal: str | None
 ) -> None:
     station = start_station(kind, ready_s=41.0, **params)
     station.wait(5)

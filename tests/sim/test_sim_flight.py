@@ -29,7 +29,7 @@ def test_a_plan_without_a_home_placeholder_silently_loses_its_take_off() -> None
     station = Station()
     assert station.upload([takeoff(), waypoint(100, 0), land(100, 0)]) == mavlink.MAV_MISSION_ACCEPTED
     assert [m.command for m in station.download()] == [16, 16, 21]
-    assert station.set_mode(4) == 0
+    assert station.set_mode("GUIDED") == 0
     assert station.arm() == 0
     assert station.command(mavlink.MAV_CMD_MISSION_START) == mavlink.MAV_RESULT_FAILED
     assert "Auto: Missing Takeoff Cmd" in station.texts()
@@ -41,10 +41,10 @@ def test_auto_is_refused_on_the_ground_with_the_mission_past_its_take_off() -> N
     station = Station()
     station.fly_mission([takeoff(5), waypoint(300, 0, 5), land(300, 0)])
     station.until(lambda: station.reached == [1])
-    assert station.set_mode(5) == 0
+    assert station.set_mode("LOITER") == 0
     station.until(lambda: station.height_m == 0, 30)
     assert station.armed
-    assert station.set_mode(3) == mavlink.MAV_RESULT_FAILED
+    assert station.set_mode("AUTO") == mavlink.MAV_RESULT_FAILED
     assert station.texts()[-1] == "Auto: Missing Takeoff Cmd"
 
 
@@ -53,11 +53,11 @@ def test_a_swap_in_flight_by_hold_upload_set_current_and_auto() -> None:
     station = Station()
     station.fly_mission([takeoff(), waypoint(300, 0), land(300, 0)])
     station.until(lambda: place_m(station)[0] > 100)
-    assert station.set_mode(4) == 0
+    assert station.set_mode("GUIDED") == 0
     assert station.upload([home_item(), takeoff(), waypoint(100, 100), waypoint(0, 100), land(0, 100)]) == 0
     assert not any("restart" in text for text in station.texts())
     assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 2) == 0
-    assert station.set_mode(3) == 0
+    assert station.set_mode("AUTO") == 0
     assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 2
     station.until(lambda: not station.armed)
     assert station.reached == [1, 2, 3]
@@ -69,7 +69,7 @@ def test_auto_options_3_allows_arming_and_flying_in_auto() -> None:
     station = Station()
     station.set_parameter("AUTO_OPTIONS", 3)
     assert station.upload([home_item(), takeoff(10), land(0, 0)]) == 0
-    assert station.set_mode(3) == 0
+    assert station.set_mode("AUTO") == 0
     assert station.arm() == 0
     station.until(lambda: station.height_m > 8, 30)
 
@@ -127,17 +127,15 @@ def test_landing_is_slow_below_ten_metres() -> None:
 
 
 @pytest.mark.autopilots("1.6")
-@pytest.mark.parametrize(
-    "mode", [5, 7, 2, 16, 0], ids=["LOITER", "CIRCLE", "ALT_HOLD", "POSHOLD", "STABILIZE"]
-)
-def test_a_copter_in_a_pilot_mode_without_sticks_sinks_to_the_ground(mode: int) -> None:
+@pytest.mark.parametrize("mode", ["LOITER", "CIRCLE", "ALT_HOLD", "POSHOLD", "STABILIZE"])
+def test_a_copter_in_a_pilot_mode_without_sticks_sinks_to_the_ground(mode: str) -> None:
     station = Station()
     station.fly(20)
     assert station.set_mode(mode) == 0
     station.until(lambda: station.height_m == 0, 15)
     station.wait(0.2)
     (hit,) = [text for text in station.texts() if text.startswith("SIM Hit ground at")]
-    assert mode == 0 or hit == "SIM Hit ground at 2.50 m/s"
+    assert mode == "STABILIZE" or hit == "SIM Hit ground at 2.50 m/s"
 
 
 def test_the_leg_after_an_interrupted_one_begins_at_rest() -> None:

@@ -6,12 +6,9 @@ from typing import Any
 
 import pytest
 from profiles import full_only
-from px4_station import AUTO as PX4_AUTO
-from px4_station import HOLD, OFFBOARD, QuietPx4Station
+from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, airborne_plane, home_item, item, land, place_m, station_of, takeoff, waypoint
-
-FBWA, FBWB, CRUISE, TAKEOFF_MODE, PLANE_GUIDED = 5, 6, 7, 13, 15
 
 
 def fly_plane_mission(station: Station, items: list[dict[str, Any]]) -> None:
@@ -36,7 +33,7 @@ def test_a_refused_reposition_changes_no_mode() -> None:
     station.set_parameter("FENCE_RADIUS", 60.0)
     station.set_parameter("FENCE_ENABLE", 1)
     station.fly(20)
-    assert station.set_mode(17) == 0
+    assert station.set_mode("BRAKE") == 0
     assert station.reposition(200, 20) == 4  # FAILED
     assert station.mode == "BRAKE"
     assert station.reposition(30, 20) == 0
@@ -87,17 +84,17 @@ def test_set_points_without_any_field_do_not_keep_offboard_active(frame: int, va
     station = QuietPx4Station()
     station.fly(10)
     station.stream_setpoints(1.0, 0, 0, 10)
-    assert station.change(OFFBOARD) == 0
+    assert station.set_mode("Offboard") == 0
     station.stream_setpoints(2.0, 0, 0, 10)
-    assert station.custom_mode[0] == OFFBOARD
+    assert station.mode == "Offboard"
     blank = (value,) * 6
     mask = 0x0FF8 if frame == 77 else 0x0DC7
     mute = mavlink.MAVLink_set_position_target_local_ned_message(0, 1, 1, frame, mask, *blank, 0, 0, 0, 0, 0)
     for _ in range(30):
         station.send(mute)
         station.wait(0.1)
-    assert station.custom_mode[0] != OFFBOARD
-    assert station.change(PX4_AUTO, HOLD) == 0
+    assert station.mode != "Offboard"
+    assert station.set_mode("Hold") == 0
 
 
 @pytest.mark.autopilots("MAVSDK 5 goto_location", of="px4")
@@ -105,7 +102,7 @@ def test_px4_turns_to_the_yaw_of_a_target_in_radians() -> None:
     station = QuietPx4Station()
     station.fly(10)
     assert station.reposition(40, 18, -1, 1, 0, math.pi / 2) == 0
-    assert station.custom_mode == (PX4_AUTO, HOLD)
+    assert station.mode == "Hold"
     station.until(lambda: place_m(station)[0] > 39 and station.height_m > 17.5, 60)
     station.wait(3)
     assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw == pytest.approx(math.pi / 2, abs=0.1)
@@ -117,19 +114,19 @@ def test_px4_turns_to_the_yaw_of_a_target_in_radians() -> None:
 def test_a_plane_circles_in_its_take_off_mode() -> None:
     station = airborne_plane({"TKOFF_ALT": 100.0}, up_m=97)
     station.wait(60)
-    assert station.heartbeat().custom_mode == TAKEOFF_MODE
+    assert station.mode == "TAKEOFF"
     assert station.height_m == pytest.approx(100, abs=8)
 
 
 def test_a_plane_without_rotors_does_not_take_off_on_command() -> None:
     station = station_of("plane")
-    assert station.set_mode(PLANE_GUIDED) == 0
+    assert station.set_mode("GUIDED") == 0
     assert station.arm() == 0
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 50) == 4  # FAILED
 
 
-@pytest.mark.parametrize("mode", [FBWB, *full_only(CRUISE)])
-def test_height_is_held_in_the_modes_that_control_it(mode: int) -> None:
+@pytest.mark.parametrize("mode", ["FBWB", *full_only("CRUISE")])
+def test_height_is_held_in_the_modes_that_control_it(mode: str) -> None:
     station = airborne_plane({"TKOFF_ALT": 100.0}, up_m=97)
     assert station.set_mode(mode) == 0
     before_m, before = station.height_m, place_m(station)
@@ -140,7 +137,7 @@ def test_height_is_held_in_the_modes_that_control_it(mode: int) -> None:
 
 def test_fbwa_does_not_hold_height() -> None:
     station = airborne_plane({"TKOFF_ALT": 100.0}, up_m=97)
-    assert station.set_mode(FBWA) == 0
+    assert station.set_mode("FBWA") == 0
     station.wait(30)
     assert station.height_m < 90
 

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from px4_station import AUTO, HOLD, OFFBOARD, POSITION, QuietPx4Station
+from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
     ALT_M,
@@ -31,7 +31,7 @@ def flying(autopilot: str, **params: float) -> Station:
     station.fly(30)
     if autopilot == "px4":
         station.hold(setpoint(velocity=(0, 0, 0)), 0.5)
-        assert station.change(OFFBOARD) == 0
+        assert station.set_mode("Offboard") == 0
         station.hold(setpoint(velocity=(0, 0, 0)), 3)
     return station
 
@@ -258,22 +258,22 @@ def test_px4_without_manual_control_sinks_in_the_position_mode_after_lost_set_po
     """PX4 1.15.3 in software sank at 0.7 m/s (MPC_LAND_SPEED), and did not brake."""
     station = flying("px4", COM_OBL_RC_ACT=0)
     station.hold(setpoint(velocity=(3, 0, 0)), 4)
-    station.until(lambda: station.custom_mode == (POSITION, 0), 3)
+    station.until(lambda: station.mode == "Position", 3)
     station.wait(3)
     before_m = station.height_m
     station.wait(5)
     assert before_m - station.height_m == pytest.approx(5 * 0.7, abs=0.3)
     assert motion(station).vx > 1
-    assert station.custom_mode == (POSITION, 0)
+    assert station.mode == "Position"
 
 
 def test_px4_does_not_return_to_offboard_after_a_chosen_mode() -> None:
     station = flying("px4", COM_OBL_RC_ACT=5)
     station.wait(3)
-    assert station.custom_mode == (AUTO, HOLD)
-    assert station.change(AUTO, HOLD) == 0
+    assert station.mode == "Hold"
+    assert station.set_mode("Hold") == 0
     station.hold(setpoint(velocity=(2, 0, 0)), 3)
-    assert station.custom_mode == (AUTO, HOLD)
+    assert station.mode == "Hold"
     assert motion(station).vx == pytest.approx(0, abs=0.1)
 
 

@@ -219,4 +219,4 @@ def test_px4_flies_a_mission_over_its_do_commands_and_holds_at_the_end() -> None
     assert waited_s == pytest.approx(3, abs=0.5)
     assert station.reached == [0, 1, 2, 3]
     station.wait(0.5)
-    assert station.custom_mode == (4, 3)
+    assert station.mode == "Hold"

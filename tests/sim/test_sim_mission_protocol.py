@@ -69,7 +69,7 @@ def test_a_mission_can_be_cleared_in_flight_in_guided() -> None:
     station = Station()
     station.fly_mission([takeoff(), waypoint(300, 0), land(300, 0)])
     station.wait(20)
-    assert station.set_mode(4) == 0
+    assert station.set_mode("GUIDED") == 0
     cleared = station.send(mavlink.MAVLink_mission_clear_all_message(1, 0, 0))
     assert acks(cleared) == [mavlink.MAV_MISSION_ACCEPTED]
     assert station.download() == []

@@ -66,7 +66,7 @@ def test_a_return_starts_like_a_mission_and_a_guided_flight_faster() -> None:
     guided_s = flown.until(lambda: place_m(flown)[0] >= 100.0, 60.0)
     assert guided_s == pytest.approx(10.0 + GUIDED_START_LOSS_S, abs=0.4)
     flown.wait(30.0)
-    assert flown.set_mode(6) == 0
+    assert flown.set_mode("RTL") == 0
     return_s = flown.until(lambda: place_m(flown)[0] <= 100.0, 60.0)
     assert return_s == pytest.approx(10.0 + START_LOSS_S, abs=0.5)
 

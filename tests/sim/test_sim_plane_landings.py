@@ -8,7 +8,6 @@ from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, home_item, item, land, place_m, station_of, takeoff, waypoint
 
-RTL, GUIDED = 11, 15
 RADIUS_M = 70.0
 
 
@@ -26,7 +25,7 @@ def sent_home(**params: float) -> Station:
     station = station_of("plane", {"RTL_ALTITUDE": -1.0, "LAND_DISARMDELAY": 5.0} | params)
     station.fly_plane_mission(mission())
     station.until(lambda: place_m(station)[0] > 700, 120)
-    assert station.set_mode(RTL) == 0
+    assert station.set_mode("RTL") == 0
     return station
 
 
@@ -96,7 +95,7 @@ def landed_by_its_mission() -> Station:
 def test_a_landed_plane_does_not_arm_in_its_landing_sequence() -> None:
     station = landed_by_its_mission()
     assert station.current == 6, "the current item is still the landing"
-    station.set_mode(GUIDED)
+    station.set_mode("GUIDED")
     assert station.arm() == mavlink.MAV_RESULT_FAILED
     assert "Arm: In landing sequence" in station.texts()
     assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 1.0) == 0
@@ -107,10 +106,10 @@ def test_a_landed_mission_restarts_after_a_pilots_mode() -> None:
     station = landed_by_its_mission()
     assert station.arm() == mavlink.MAV_RESULT_FAILED
     assert "Arm: In landing sequence" in station.texts()
-    station.set_mode(0)
+    station.set_mode("MANUAL")
     assert "In landing sequence: mission reset" in station.texts()
     assert station.current == 0
-    station.set_mode(GUIDED)
+    station.set_mode("GUIDED")
     assert station.arm() == 0
 
 

@@ -8,14 +8,7 @@ import pytest
 from profiles import full_only
 from px4_station import (
     ACCEPTED,
-    AUTO,
-    HOLD,
-    MISSION,
     NAN,
-    OFFBOARD,
-    POSITION,
-    RETURN,
-    TAKEOFF,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     QuietPx4Station,
@@ -48,7 +41,7 @@ def test_takeoff_without_an_altitude_or_too_low_climbs_to_mis_takeoff_alt(altitu
 
 def test_arming_in_takeoff_mode_starts_the_take_off() -> None:
     station = QuietPx4Station()
-    assert station.change(AUTO, TAKEOFF) == ACCEPTED
+    assert station.set_mode("Takeoff") == ACCEPTED
     station.wait(5)
     assert not station.armed
     assert station.arm() == ACCEPTED
@@ -102,14 +95,14 @@ def test_a_return_within_rtl_min_dist_climbs_to_a_cone(north_m: float, highest_m
     station.fly(5)
     assert station.reposition(north_m, 5) == ACCEPTED
     station.wait(15)
-    assert station.change(AUTO, RETURN) == ACCEPTED
+    assert station.set_mode("Return") == ACCEPTED
     assert station.highest_m() == pytest.approx(highest_m, abs=0.7)
 
 
 def test_a_negative_rtl_land_delay_keeps_a_return_over_home() -> None:
     station = QuietPx4Station(params={"RTL_LAND_DELAY": -1.0})
     station.fly(20)
-    assert station.change(AUTO, RETURN) == ACCEPTED
+    assert station.set_mode("Return") == ACCEPTED
     station.wait(40)
     assert station.armed
     assert station.height_m == pytest.approx(10, abs=1.0)  # RTL_DESCEND_ALT
@@ -152,7 +145,7 @@ def test_an_orbit_circles_a_point() -> None:
     station.fly(10)
     orbit = (20.0, 4.0, 0, NAN, LAT_DEG, LON_DEG, ALT_M + 10)
     assert station.command(mavlink.MAV_CMD_DO_ORBIT, *orbit) == ACCEPTED
-    assert station.custom_mode == (POSITION, 1)
+    assert station.mode == "Orbit"
     station.wait(20)
     distances, angles = [], []
     for _ in range(40):
@@ -168,7 +161,7 @@ def test_an_orbit_circles_a_point() -> None:
 def test_a_pilots_mode_is_not_available_in_the_air_without_a_pilot() -> None:
     station = QuietPx4Station()
     station.fly(10)
-    assert station.change(POSITION) == TEMPORARILY_REJECTED
+    assert station.set_mode("Position") == TEMPORARILY_REJECTED
     assert "Switching to Position is currently not available" in station.texts()
     assert station.mode == "Hold"
 
@@ -184,7 +177,7 @@ def test_com_obl_rc_act_is_the_reaction_to_lost_setpoints(action: int, mode: str
     station = QuietPx4Station(params={"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 1.0})
     station.fly(10)
     station.stream_setpoints(1.5, 0, 0, 10)
-    assert station.change(OFFBOARD) == ACCEPTED
+    assert station.set_mode("Offboard") == ACCEPTED
     station.stream_setpoints(2, 0, 0, 10)
     station.wait(0.7)
     assert station.mode == "Offboard"
@@ -203,7 +196,7 @@ def test_a_landing_inside_a_mission_does_not_disarm() -> None:
     station.until(lambda: station.current == 2, 240)
     station.wait(10)
     assert station.armed
-    assert station.change(AUTO, HOLD) == ACCEPTED
+    assert station.set_mode("Hold") == ACCEPTED
     station.until(lambda: not station.armed, 10)
 
 
@@ -235,7 +228,7 @@ def test_a_mode_chosen_during_the_hold_takes_over() -> None:
     station.set_parameter("NAV_DLL_ACT", 2)
     station.until(lambda: any("entering Hold" in text for text in station.texts()), 10)
     station.upload_and_wait([waypoint(50, 0), waypoint(100, 0)])
-    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.set_mode("Mission") == ACCEPTED
     station.wait(8)
     assert station.mode == "Mission"
 
@@ -377,10 +370,10 @@ def test_a_terminated_flight_stays_terminated_until_the_next_boot(terminate: Any
     station.wait(10)
     assert not station.armed
     assert station.height_m < 0.1
-    assert station.custom_mode == (10, 0)
+    assert station.mode == "Termination"
     assert station.heartbeat().system_status == mavlink.MAV_STATE_FLIGHT_TERMINATION
     station.set_parameter("NAV_DLL_ACT", 0)
-    assert station.change(AUTO, HOLD) == TEMPORARILY_REJECTED
+    assert station.set_mode("Hold") == TEMPORARILY_REJECTED
     assert station.arm() == TEMPORARILY_REJECTED
     assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
     station.wait(5)

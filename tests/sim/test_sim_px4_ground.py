@@ -9,17 +9,9 @@ from hypothesis import strategies as st
 from profiles import examples
 from px4_station import (
     ACCEPTED,
-    AUTO,
     DENIED,
     FAILED,
-    FOLLOW,
-    HOLD,
-    LAND,
-    MISSION,
     NAN,
-    OFFBOARD,
-    POSITION,
-    RETURN,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     Px4Station,
@@ -36,7 +28,7 @@ def test_px4_boots_into_hold_without_non_mavlink_bytes() -> None:
     station = Px4Station()
     station.wait(1.0)
     assert station.raw[0] == 0xFD
-    assert station.custom_mode == (AUTO, HOLD)
+    assert station.mode == "Hold"
     beat = station.heartbeat()
     assert (beat.autopilot, beat.type) == (mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR)
     assert beat.base_mode == 29  # auto, stabilized, guided, custom
@@ -119,9 +111,9 @@ def test_data_streams_are_unsupported() -> None:
 
 def test_auto_without_a_sub_mode_is_mission_and_an_unknown_sub_mode_is_rejected() -> None:
     station = Px4Station()
-    assert station.change(AUTO) == ACCEPTED
-    assert station.custom_mode == (AUTO, MISSION)
-    assert station.change(AUTO, 7) == TEMPORARILY_REJECTED
+    assert station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4) == ACCEPTED
+    assert station.mode == "Mission"
+    assert station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4, 7) == TEMPORARILY_REJECTED
     assert "Unsupported auto mode" in station.texts()
 
 
@@ -130,7 +122,7 @@ def test_standard_modes() -> None:
     assert (
         station.command(mavlink.MAV_CMD_DO_SET_STANDARD_MODE, mavlink.MAV_STANDARD_MODE_MISSION) == ACCEPTED
     )
-    assert station.custom_mode == (AUTO, MISSION)
+    assert station.mode == "Mission"
     assert station.command(mavlink.MAV_CMD_DO_SET_STANDARD_MODE, mavlink.MAV_STANDARD_MODE_CRUISE) == FAILED
 
 
@@ -145,19 +137,19 @@ def test_a_negative_com_disarm_prflt_prevents_disarming() -> None:
 
 
 @pytest.mark.parametrize(
-    ("main", "sub", "reason"),
+    ("mode", "reason"),
     [
-        (AUTO, RETURN, "Mode not suitable for takeoff"),
-        (AUTO, LAND, "Mode not suitable for takeoff"),
-        (AUTO, FOLLOW, "Mode not suitable for takeoff"),
-        (POSITION, 0, "No manual control input"),
-        (OFFBOARD, 0, "No offboard signal"),
-        (AUTO, MISSION, "No valid mission available"),
+        ("Return", "Mode not suitable for takeoff"),
+        ("Land", "Mode not suitable for takeoff"),
+        ("Follow Target", "Mode not suitable for takeoff"),
+        ("Position", "No manual control input"),
+        ("Offboard", "No offboard signal"),
+        ("Mission", "No valid mission available"),
     ],
 )
-def test_arming_is_refused_in_some_modes(main: int, sub: int, reason: str) -> None:
+def test_arming_is_refused_in_some_modes(mode: str, reason: str) -> None:
     station = Px4Station()
-    assert station.change(main, sub) == ACCEPTED
+    assert station.set_mode(mode) == ACCEPTED
     assert station.arm() == TEMPORARILY_REJECTED
     assert f"Preflight Fail: {reason}" in station.texts()
     assert not station.prearm_ok
@@ -267,11 +259,11 @@ def test_right_after_an_upload_the_mission_is_not_available() -> None:
     station = Px4Station()
     station.fly(15)
     assert station.upload([waypoint(30, 0), waypoint(0, 0)]) == 0
-    assert station.change(AUTO, MISSION) == TEMPORARILY_REJECTED
+    assert station.set_mode("Mission") == TEMPORARILY_REJECTED
     assert "Switching to Mission is currently not available" in station.texts()
     assert station.command(mavlink.MAV_CMD_MISSION_START) == DENIED
     station.wait(0.8)
-    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.set_mode("Mission") == ACCEPTED
 
 
 def test_a_mission_without_the_required_landing_is_kept_and_not_flown() -> None:
@@ -353,7 +345,7 @@ def _obeys(target: tuple[int, int], name: str) -> bool:
     if name == "origin":
         return bool(station.of("GPS_GLOBAL_ORIGIN")[-1].latitude != origin.latitude)
     if name == "setpoint":
-        return station.change(OFFBOARD) == ACCEPTED and station.arm() == ACCEPTED
+        return station.set_mode("Offboard") == ACCEPTED and station.arm() == ACCEPTED
     return bool([m for m in replies if m.get_type() == "PARAM_VALUE"])
 
 

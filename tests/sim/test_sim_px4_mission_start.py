@@ -2,7 +2,7 @@
 
 import pytest
 from profiles import full_only
-from px4_station import ACCEPTED, AUTO, HOLD, MISSION, QuietPx4Station
+from px4_station import ACCEPTED, QuietPx4Station
 from station import place_m, takeoff, waypoint
 
 
@@ -21,11 +21,11 @@ def test_a_copter_in_the_air_climbs_first_only_to_a_higher_item(item_m: float, *
     station = QuietPx4Station()
     station.fly_mission([takeoff(10), waypoint(30, 0, 10), waypoint(200, 0, 10)])
     station.until(lambda: place_m(station)[0] > 60, 60)
-    assert station.change(AUTO, HOLD) == ACCEPTED
+    assert station.set_mode("Hold") == ACCEPTED
     station.wait(8)
     held_m = place_m(station)[0]
     station.upload_and_wait([waypoint(200, 0, item_m), waypoint(250, 0, item_m)])
-    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.set_mode("Mission") == ACCEPTED
     station.until(lambda: place_m(station)[0] > held_m + 10, 60)
     assert (station.height_m > item_m - 1.5) is (climbs_first or item_m < 11)
 
@@ -44,8 +44,8 @@ def test_a_mission_is_available_at_once_after_an_earlier_good_mission() -> None:
     station = QuietPx4Station()
     assert station.arm() == ACCEPTED
     station.upload_and_wait([takeoff(10), waypoint(40, 0, 10)])
-    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.set_mode("Mission") == ACCEPTED
     station.until(lambda: station.height_m > 8, 60)
-    assert station.change(AUTO, HOLD) == ACCEPTED
+    assert station.set_mode("Hold") == ACCEPTED
     station.upload([waypoint(40, 0, 10), waypoint(60, 0, 10)])
-    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.set_mode("Mission") == ACCEPTED

@@ -3,11 +3,7 @@
 import pytest
 from px4_station import (
     ACCEPTED,
-    AUTO,
     DENIED,
-    HOLD,
-    LAND,
-    MISSION,
     TEMPORARILY_REJECTED,
     QuietPx4Station,
     command_item,
@@ -32,7 +28,7 @@ def flying_beyond_the_limit() -> QuietPx4Station:
 def assert_refused(station: QuietPx4Station) -> None:
     assert any(text.startswith(TOO_FAR) for text in station.texts())
     assert "No valid mission available, loitering" in station.texts()
-    assert station.change(AUTO, MISSION) == TEMPORARILY_REJECTED
+    assert station.set_mode("Mission") == TEMPORARILY_REJECTED
 
 
 @pytest.mark.parametrize(("north_m", "result"), [(880, ACCEPTED), (920, DENIED)])
@@ -47,13 +43,13 @@ def test_a_mission_replaced_far_from_its_first_item_is_not_flown() -> None:
     station.upload_and_wait([takeoff(), waypoint(60, 0), waypoint(900, 100)])
     assert_refused(station)
     station.upload_and_wait([waypoint(80, 0), waypoint(900, 100)])
-    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.set_mode("Mission") == ACCEPTED
 
 
 def test_a_mission_resumed_far_from_its_first_item_is_not_flown() -> None:
     station = flying_beyond_the_limit()
-    assert station.change(AUTO, HOLD) == ACCEPTED
-    station.change(AUTO, MISSION)
+    assert station.set_mode("Hold") == ACCEPTED
+    station.set_mode("Mission")
     assert_refused(station)
 
 
@@ -74,11 +70,11 @@ def test_a_complete_mission_starts_again_from_a_requested_item_with_new_counts_o
     station.fly_mission([takeoff(5), waypoint(10, 0, 5), waypoint(20, 0, 5), jump, waypoint(25, 0, 5)])
     station.until(lambda: station.texts().count("Mission finished, loitering") == 1, 90)
     assert station.reached == [0, 1, 2, 1, 2, 4]
-    station.change(AUTO, MISSION)
+    station.set_mode("Mission")
     station.wait(0.5)
     assert "No valid mission available, loitering" in station.texts()
     station.set_current(1)
-    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.set_mode("Mission") == ACCEPTED
     station.until(lambda: station.texts().count("Mission finished, loitering") == 2, 90)
     assert station.reached[6:] == [1, 2, 1, 2, 4]
 
@@ -91,12 +87,12 @@ def test_the_vehicle_stays_at_an_item_without_autocontinue() -> None:
         message.autocontinue = int(seq != 1)
         station.send(message)
     station.wait(1.0)
-    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.set_mode("Mission") == ACCEPTED
     assert station.arm() == ACCEPTED
     station.until(lambda: station.reached == [0, 1], 60)
     station.wait(10)
     assert station.reached == [0, 1]
-    assert station.custom_mode == (AUTO, MISSION)
+    assert station.mode == "Mission"
     assert place_m(station)[0] < 20
     station.set_current(2)
     station.until(lambda: station.reached == [0, 1, 2], 60)
@@ -104,11 +100,11 @@ def test_the_vehicle_stays_at_an_item_without_autocontinue() -> None:
 
 def land_and_start(station: QuietPx4Station, *items: dict[str, object]) -> int:
     """Land and disarm, upload a mission if there is one, and start; return the current item."""
-    assert station.change(AUTO, LAND) == ACCEPTED
+    assert station.set_mode("Land") == ACCEPTED
     station.until(lambda: not station.armed, 60)
     if items:
         station.upload_and_wait(items)
-    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.set_mode("Mission") == ACCEPTED
     assert station.arm() == ACCEPTED
     station.wait(0.5)
     return station.current
@@ -132,7 +128,7 @@ def test_an_empty_mission_in_flight_ends_in_hold() -> None:
     station.until(lambda: station.reached == [0], 60)
     station.upload_and_wait([])
     assert "No valid mission available, loitering" in station.texts()
-    assert station.custom_mode == (AUTO, HOLD)
+    assert station.mode == "Hold"
     assert station.current == 0
 
 

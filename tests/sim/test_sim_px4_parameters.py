@@ -1,7 +1,7 @@
 """Effects of PX4's parameters, and its GPS in SYS_STATUS."""
 
 import pytest
-from px4_station import ACCEPTED, AUTO, HOLD, MANUAL, MISSION, RETURN, TEMPORARILY_REJECTED, Px4Station
+from px4_station import ACCEPTED, TEMPORARILY_REJECTED, Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import takeoff, waypoint
 
@@ -17,21 +17,23 @@ def flying_its_mission(**params: float) -> Px4Station:
 
 
 @pytest.mark.parametrize(
-    ("excepted", "sub", "ends_in"),
+    ("excepted", "mode", "ends_in"),
     [
-        (0, MISSION, RETURN),
-        (MISSION_EXCEPTED, MISSION, MISSION),
-        (HOLD_EXCEPTED, MISSION, RETURN),
-        (HOLD_EXCEPTED, HOLD, HOLD),
-        (MISSION_EXCEPTED, HOLD, RETURN),
+        (0, "Mission", "Return"),
+        (MISSION_EXCEPTED, "Mission", "Mission"),
+        (HOLD_EXCEPTED, "Mission", "Return"),
+        (HOLD_EXCEPTED, "Hold", "Hold"),
+        (MISSION_EXCEPTED, "Hold", "Return"),
     ],
 )
-def test_com_rcl_except_selects_modes_without_a_remote_control(excepted: int, sub: int, ends_in: int) -> None:
+def test_com_rcl_except_has_the_modes_without_a_remote_control(
+    excepted: int, mode: str, ends_in: str
+) -> None:
     station = flying_its_mission(COM_RCL_EXCEPT=excepted)
-    assert station.change(AUTO, sub) == ACCEPTED
+    assert station.set_mode(mode) == ACCEPTED
     station.inject("rc_loss")
     station.wait(3.0)
-    assert station.custom_mode == (AUTO, ends_in)
+    assert station.mode == ends_in
 
 
 @pytest.mark.parametrize("after_s", [0.5, 3.0])
@@ -39,9 +41,9 @@ def test_com_rc_loss_t_is_the_time_limit_of_the_remote_control(after_s: float) -
     station = flying_its_mission(COM_RC_LOSS_T=after_s)
     station.inject("rc_loss")
     station.wait(after_s - 0.3)
-    assert station.custom_mode == (AUTO, MISSION)
+    assert station.mode == "Mission"
     station.wait(1.5)
-    assert station.custom_mode == (AUTO, RETURN)
+    assert station.mode == "Return"
 
 
 @pytest.mark.parametrize(("without_gps", "result"), [(1, ACCEPTED), (0, TEMPORARILY_REJECTED)])
@@ -50,7 +52,7 @@ def test_com_arm_wo_gps_allows_arming_without_gps_in_a_pilot_mode(without_gps: i
     station = Px4Station(params={"COM_ARM_WO_GPS": without_gps, "COM_RC_IN_MODE": 4})
     station.inject("gps_loss")
     station.wait(3.0)
-    assert station.change(MANUAL) == ACCEPTED
+    assert station.set_mode("Manual") == ACCEPTED
     assert station.arm() == result
     assert any("GPS fix too low" in text for text in station.texts()) is (result != ACCEPTED)
 

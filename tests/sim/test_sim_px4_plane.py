@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from px4_station import AUTO, HOLD, LAND, MISSION, RETURN, QuietPx4Station, command_item
+from px4_station import QuietPx4Station, command_item
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import item, land, place_m, takeoff, waypoint
 
@@ -170,21 +170,21 @@ def test_a_return_lands_by_the_mission_according_to_rtl_type(
 ) -> None:
     station = flown(items, RTL_TYPE=kind)
     station.until(lambda: station.current == 2, 120)
-    assert station.change(AUTO, RETURN) == 0
+    assert station.set_mode("Return") == 0
     station.wait(240)
     assert station.armed is (lands_at is None)
     if lands_at is not None:
         assert away_m(station, *lands_at) < 60
     else:
         assert station.height_m > 15
-        assert station.custom_mode == (AUTO, RETURN)
+        assert station.mode == "Return"
 
 
 def test_a_return_uses_the_first_landing_of_the_list() -> None:
     """A landing item before DO_LAND_START replaces it as the landing (mavlink_mission.cpp)."""
     station = flown([*ROUTE, *down(900, 0), *HOME], RTL_TYPE=1)
     station.until(lambda: station.current == 2, 120)
-    assert station.change(AUTO, RETURN) == 0
+    assert station.set_mode("Return") == 0
     station.until(lambda: not station.armed, 400)
     assert away_m(station, 900, 0) < 120
 
@@ -193,7 +193,7 @@ def test_a_plane_below_its_return_altitude_climbs_at_its_position() -> None:
     station = flown([*ROUTE, *HOME], RTL_RETURN_ALT=80.0)
     station.until(lambda: station.current == 2, 120)
     before = place_m(station)
-    assert station.change(AUTO, RETURN) == 0
+    assert station.set_mode("Return") == 0
     station.until(lambda: station.height_m > 74, 60)
     assert math.dist(place_m(station), before) < 3 * RADIUS_M
 
@@ -204,7 +204,7 @@ def test_a_nearer_rally_point_replaces_the_landing_of_a_return() -> None:
     assert station.upload([rally], mavlink.MAV_MISSION_TYPE_RALLY) == 0
     station.fly_mission([*ROUTE, *HOME])
     station.until(lambda: station.current == 2, 120)
-    assert station.change(AUTO, RETURN) == 0
+    assert station.set_mode("Return") == 0
     station.wait(90)
     assert station.armed
     assert away_m(station, 900, 0) < 200
@@ -222,7 +222,7 @@ def test_a_nearer_rally_point_replaces_the_landing_of_a_return() -> None:
 def test_a_return_ignores_a_landing_without_a_position(items: list[dict[str, Any]], kind: int) -> None:
     station = flown(items, RTL_TYPE=kind)
     station.until(lambda: station.current == 2, 120)
-    assert station.change(AUTO, RETURN) == 0
+    assert station.set_mode("Return") == 0
     station.wait(120)
     assert station.armed
     assert station.height_m > 15
@@ -232,7 +232,7 @@ def test_a_return_ignores_a_landing_without_a_position(items: list[dict[str, Any
 def test_a_return_along_the_mission_begins_at_the_current_item() -> None:
     station = flown([*ROUTE, waypoint(600, 600, 40), *HOME], RTL_TYPE=2)
     station.until(lambda: station.current == 1 and place_m(station)[0] > 300, 120)
-    assert station.change(AUTO, RETURN) == 0
+    assert station.set_mode("Return") == 0
     station.until(lambda: away_m(station, 1500, 0) < 50, 120)
     station.until(lambda: away_m(station, 600, 600) < 50, 120)
     station.until(lambda: not station.armed, 300)
@@ -242,10 +242,10 @@ def test_a_return_along_the_mission_begins_at_the_current_item() -> None:
 def test_a_return_does_not_interrupt_a_landing() -> None:
     station = flown([*ROUTE, *HOME])
     station.until(lambda: station.current == 2, 120)
-    assert station.change(AUTO, HOLD) == 0
+    assert station.set_mode("Hold") == 0
     assert station.command(mavlink.MAV_CMD_DO_LAND_START) == 0
     station.until(lambda: station.current == 5, 300)
-    assert station.change(AUTO, RETURN) == 0
+    assert station.set_mode("Return") == 0
     station.until(lambda: not station.armed, 40)  # to go around again would take longer
     assert away_m(station, 0, 0) < 60
 
@@ -254,7 +254,7 @@ def test_a_plane_in_land_mode_circles_down_at_its_position() -> None:
     station = flown([*ROUTE, *HOME])
     station.until(lambda: station.current == 2, 120)
     before = place_m(station)
-    assert station.change(AUTO, LAND) == 0
+    assert station.set_mode("Land") == 0
     station.until(lambda: not station.armed, 200)
     assert math.dist(place_m(station), before) < 3 * RADIUS_M
 
@@ -274,5 +274,5 @@ def test_a_mission_outside_the_fence_is_refused_for_every_fence_action() -> None
     assert not [text for text in station.texts() if "violation" in text]
     station.upload_and_wait([up(), waypoint(600, 0, 101), *HOME])
     assert "Geofence violation for waypoint 2" in station.texts()
-    assert station.change(AUTO, MISSION) == 0
+    assert station.set_mode("Mission") == 0
     assert station.arm() != 0

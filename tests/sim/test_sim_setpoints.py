@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from px4_station import OFFBOARD, QuietPx4Station
+from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, setpoint
 
@@ -47,7 +47,7 @@ def px4() -> Station:
     station = QuietPx4Station()
     station.fly(30)
     station.hold(acceleration(0, 0, 0), 1)
-    assert station.change(OFFBOARD) == 0
+    assert station.set_mode("Offboard") == 0
     return station
 
 
@@ -147,7 +147,7 @@ def test_a_plane_turns_toward_its_roll() -> None:
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, *[math.nan] * 6, 360) == 0
     station.until(lambda: station.mode == "Hold", 120)
     station.hold(acceleration(0, 0, 0), 1)
-    assert station.change(OFFBOARD) == 0
+    assert station.set_mode("Offboard") == 0
     before = station.ask(ATTITUDE).yaw
     station.hold(attitude(25, 0, math.degrees(before)), 3)
     turned = (station.ask(ATTITUDE).yaw - before + math.pi) % (2 * math.pi) - math.pi

@@ -12,8 +12,6 @@ from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, airborne_plane, place_m
 
-STABILIZE, ALT_HOLD, GUIDED, LOITER, POSHOLD = 0, 2, 4, 5, 16
-FBWA, FBWB = 5, 6
 RECEIVER = [1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800]
 NEUTRAL = (1500, 1500, 1500, 1500)
 FAILED = 4
@@ -41,7 +39,7 @@ def channels(station: Station) -> list[int]:
     return [getattr(message, f"chan{n}_raw") for n in range(1, 9)]
 
 
-def flying(mode: int, height_m: float = 40.0) -> Station:
+def flying(mode: str, height_m: float = 40.0) -> Station:
     station = Station()
     station.fly(height_m)
     override(station, *NEUTRAL)
@@ -99,16 +97,16 @@ def test_only_the_own_ground_station_has_the_sticks() -> None:
 @pytest.mark.parametrize(
     ("mode", "pulses_us", "refusal"),
     [
-        (STABILIZE, (1500, 1500, 1100, 1500), "Throttle too high"),
-        (ALT_HOLD, (1500, 1500, 1500, 1500), "Throttle (RC3) is not neutral"),
-        (LOITER, (1500, 1500, 1650, 1500), "Throttle too high"),
-        (GUIDED, (1500, 1500, 1650, 1500), "Throttle (RC3) is not neutral"),
-        (STABILIZE, (1600, 1500, 1000, 1500), "Roll (RC1) is not neutral"),
-        (GUIDED, (1500, 1500, 1000, 1400), "Yaw (RC4) is not neutral"),
-        (STABILIZE, (1515, 1490, 1020, 1500), None),
+        ("STABILIZE", (1500, 1500, 1100, 1500), "Throttle too high"),
+        ("ALT_HOLD", (1500, 1500, 1500, 1500), "Throttle (RC3) is not neutral"),
+        ("LOITER", (1500, 1500, 1650, 1500), "Throttle too high"),
+        ("GUIDED", (1500, 1500, 1650, 1500), "Throttle (RC3) is not neutral"),
+        ("STABILIZE", (1600, 1500, 1000, 1500), "Roll (RC1) is not neutral"),
+        ("GUIDED", (1500, 1500, 1000, 1400), "Yaw (RC4) is not neutral"),
+        ("STABILIZE", (1515, 1490, 1020, 1500), None),
     ],
 )
-def test_arming_needs_the_sticks_at_rest(mode: int, pulses_us: Sequence[int], refusal: str | None) -> None:
+def test_arming_needs_the_sticks_at_rest(mode: str, pulses_us: Sequence[int], refusal: str | None) -> None:
     station = Station()
     station.set_mode(mode)
     override(station, *pulses_us)
@@ -118,19 +116,19 @@ def test_arming_needs_the_sticks_at_rest(mode: int, pulses_us: Sequence[int], re
 
 def test_a_copter_on_the_ground_does_not_leap_into_a_manual_mode() -> None:
     station = Station()
-    station.set_mode(GUIDED)
+    station.set_mode("GUIDED")
     assert station.arm() == 0
     override(station, 1500, 1500, 1700, 1500)
-    assert station.set_mode(STABILIZE) == FAILED
+    assert station.set_mode("STABILIZE") == FAILED
     assert "Mode change to STABILIZE failed: throttle too high" in station.texts()
     override(station, 1500, 1500, 1000, 1500)
-    assert station.set_mode(STABILIZE) == 0
+    assert station.set_mode("STABILIZE") == 0
 
 
 @pytest.mark.full
 def test_a_raised_throttle_delays_the_automatic_disarming() -> None:
     station = Station()
-    station.set_mode(ALT_HOLD)
+    station.set_mode("ALT_HOLD")
     assert station.arm() == 0
     hold(station, 15, *NEUTRAL)
     assert station.armed
@@ -139,7 +137,7 @@ def test_a_raised_throttle_delays_the_automatic_disarming() -> None:
 
 
 def test_overrides_replace_a_failed_receiver_and_their_end_is_a_radio_failsafe() -> None:
-    station = flying(LOITER)
+    station = flying("LOITER")
     station.set_parameter("SIM_RC_FAIL", 1)
     hold(station, 5, *NEUTRAL)
     assert station.mode == "LOITER"
@@ -148,7 +146,7 @@ def test_overrides_replace_a_failed_receiver_and_their_end_is_a_radio_failsafe()
 
 
 def test_a_receiver_that_fails_after_an_override_counts_until_its_own_failure() -> None:
-    station = flying(LOITER)
+    station = flying("LOITER")
     station.wait(0.5)
     station.set_parameter("SIM_RC_FAIL", 1)
     station.wait(0.6)
@@ -160,7 +158,7 @@ def test_a_receiver_that_fails_after_an_override_counts_until_its_own_failure() 
 @pytest.mark.full
 @pytest.mark.parametrize("throttle", [500, -5])  # the sticks of a negative throttle are ignored
 def test_manual_control_counts_as_a_heartbeat_of_the_ground_station(throttle: int) -> None:
-    station = flying(LOITER)
+    station = flying("LOITER")
     for name, value in (("FS_GCS_ENABLE", 1), ("FS_OPTIONS", 0)):
         station.set_parameter(name, value)
     for _ in range(80):
@@ -191,7 +189,7 @@ def test_stabilize_takes_off_climbs_and_falls_by_its_throttle() -> None:
     [(1000, -2.5), (1800, 1.3), *full_only((1200, -1.45), (1450, 0.0), (1500, 0.0), (2000, 2.5))],
 )
 def test_alt_hold_climbs_by_the_throttle_outside_its_deadzone(throttle_us: int, climb_m_s: float) -> None:
-    station = flying(ALT_HOLD)
+    station = flying("ALT_HOLD")
     hold(station, 3, 1500, 1500, throttle_us, 1500)
     assert station.velocity_m_s[2] == pytest.approx(climb_m_s, abs=0.12)
 
@@ -201,7 +199,7 @@ def test_alt_hold_climbs_by_the_throttle_outside_its_deadzone(throttle_us: int, 
     [(2000, 1000, (22, -20.5)), *full_only((1500, 1000, (0, -30)), (1750, 1500, (14.4, 0)))],
 )
 def test_alt_hold_leans_up_to_angle_max(roll_us: int, pitch_us: int, lean_deg: tuple[float, float]) -> None:
-    station = flying(ALT_HOLD)
+    station = flying("ALT_HOLD")
     hold(station, 2, roll_us, pitch_us, 1500, 1500)
     attitude = station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE)
     assert math.degrees(attitude.roll) == pytest.approx(lean_deg[0], abs=1)
@@ -209,7 +207,7 @@ def test_alt_hold_leans_up_to_angle_max(roll_us: int, pitch_us: int, lean_deg: t
 
 
 def test_the_yaw_stick_turns_at_pilot_y_rate() -> None:
-    station = flying(ALT_HOLD)
+    station = flying("ALT_HOLD")
     hold(station, 1, 1500, 1500, 1500, 2000)
     rate = station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yawspeed
     assert math.degrees(rate) == pytest.approx(202.5, abs=3)
@@ -220,19 +218,19 @@ def test_the_yaw_stick_turns_at_pilot_y_rate() -> None:
 @pytest.mark.full
 def test_alt_hold_drifts_with_the_wind_and_loiter_does_not() -> None:
     drifts_m = {}
-    for mode in (ALT_HOLD, LOITER):
+    for mode in ("ALT_HOLD", "LOITER"):
         station = flying(mode)
         for name, value in (("SIM_WIND_SPD", 6), ("SIM_WIND_DIR", 0)):
             station.set_parameter(name, value)
         before_m = place_m(station)
         hold(station, 10, *NEUTRAL)
         drifts_m[mode] = place_m(station)[0] - before_m[0]
-    assert drifts_m[ALT_HOLD] < -10
-    assert drifts_m[LOITER] == pytest.approx(0, abs=2)
+    assert drifts_m["ALT_HOLD"] < -10
+    assert drifts_m["LOITER"] == pytest.approx(0, abs=2)
 
 
-@pytest.mark.parametrize("mode", [LOITER, *full_only(POSHOLD)])
-def test_loiter_flies_by_the_sticks_brakes_and_holds(mode: int) -> None:
+@pytest.mark.parametrize("mode", ["LOITER", *full_only("POSHOLD")])
+def test_loiter_flies_by_the_sticks_brakes_and_holds(mode: str) -> None:
     station = flying(mode)
     start_m = place_m(station)
     hold(station, 1, 1500, 1000, 1500, 1500)
@@ -260,7 +258,7 @@ def plane_attitude(station: Station) -> Any:
 def test_fbwb_banks_climbs_and_sets_the_airspeed() -> None:
     station = airborne_plane()
     override(station, *NEUTRAL)
-    assert station.set_mode(FBWB) == 0
+    assert station.set_mode("FBWB") == 0
     hold(station, 5, 2000, 1500, 1500, 1500)
     assert math.degrees(plane_attitude(station).roll) == pytest.approx(45, abs=1)
     hold(station, 6, 1500, 2000, 2000, 1500)
@@ -273,7 +271,7 @@ def test_fbwb_banks_climbs_and_sets_the_airspeed() -> None:
 def test_a_plane_glides_without_its_remote_control() -> None:
     station = airborne_plane()
     override(station, 1500, 1500, 2000, 1500)
-    assert station.set_mode(FBWA) == 0
+    assert station.set_mode("FBWA") == 0
     for name, value in (("FS_LONG_ACTN", 2), ("FS_SHORT_ACTN", 2), ("SIM_RC_FAIL", 1)):
         station.set_parameter(name, value)
     station.wait(12)
@@ -286,7 +284,7 @@ def test_a_plane_glides_without_its_remote_control() -> None:
 def test_fbwa_climbs_only_with_power() -> None:
     station = airborne_plane()
     override(station, 1500, 2000, 2000, 1500)
-    assert station.set_mode(FBWA) == 0
+    assert station.set_mode("FBWA") == 0
     before_m = station.height_m
     hold(station, 8, 1500, 2000, 2000, 1500)
     assert station.height_m > before_m + 20

@@ -9,14 +9,6 @@ import pytest
 from profiles import full_only
 from px4_station import (
     ACCEPTED,
-    ALTITUDE,
-    AUTO,
-    FOLLOW,
-    HOLD,
-    MANUAL,
-    OFFBOARD,
-    POSITION,
-    STABILIZED,
     TEMPORARILY_REJECTED,
     QuietPx4Station,
 )
@@ -36,13 +28,13 @@ def hold(station: QuietPx4Station, seconds: float, *axes: int) -> None:
         station.wait(0.1)
 
 
-def flying(main: int, sub: int = 0, **params: float) -> QuietPx4Station:
+def flying(mode: str, **params: float) -> QuietPx4Station:
     station = QuietPx4Station(params=params)
     station.fly(20)
     hold(station, 1, *CENTRE)
-    assert station.change(main, sub) == ACCEPTED
+    assert station.set_mode(mode) == ACCEPTED
     hold(station, 2, *CENTRE)
-    assert station.custom_mode == (main, sub)
+    assert station.mode == mode
     return station
 
 
@@ -62,7 +54,7 @@ def test_com_rc_in_mode_selects_the_joystick(
     params: dict[str, float], target: int, *, accepted: bool
 ) -> None:
     station = QuietPx4Station(params=params)
-    assert station.change(POSITION) == ACCEPTED
+    assert station.set_mode("Position") == ACCEPTED
     for _ in range(5):
         control(station, *CENTRE, target=target)
         station.wait(0.1)
@@ -72,26 +64,26 @@ def test_com_rc_in_mode_selects_the_joystick(
 def test_the_first_joystick_selects_position_before_anybody_has_chosen_a_mode() -> None:
     station = QuietPx4Station()
     hold(station, 0.5, *CENTRE)
-    assert station.custom_mode == (POSITION, 0)
-    assert station.change(AUTO, HOLD) == ACCEPTED
+    assert station.mode == "Position"
+    assert station.set_mode("Hold") == ACCEPTED
     hold(station, 0.5, *CENTRE)
-    assert station.custom_mode == (AUTO, HOLD)
+    assert station.mode == "Hold"
 
 
 @pytest.mark.parametrize(
-    ("main", "throttle", "refusal"),
+    ("mode", "throttle", "refusal"),
     [
-        (MANUAL, 0, None),
-        (MANUAL, 150, "high throttle"),
-        (STABILIZED, 500, "high throttle"),
-        (ALTITUDE, 590, None),
-        (ALTITUDE, 650, "throttle above center"),
-        (POSITION, 650, "throttle above center"),
+        ("Manual", 0, None),
+        ("Manual", 150, "high throttle"),
+        ("Stabilized", 500, "high throttle"),
+        ("Altitude", 590, None),
+        ("Altitude", 650, "throttle above center"),
+        ("Position", 650, "throttle above center"),
     ],
 )
-def test_the_throttle_can_prevent_arming(main: int, throttle: int, refusal: str | None) -> None:
+def test_the_throttle_can_prevent_arming(mode: str, throttle: int, refusal: str | None) -> None:
     station = QuietPx4Station()
-    assert station.change(main) == ACCEPTED
+    assert station.set_mode(mode) == ACCEPTED
     hold(station, 0.5, 0, 0, throttle, 0)
     assert station.arm() == (TEMPORARILY_REJECTED if refusal else ACCEPTED)
     assert refusal is None or f"Arming denied: {refusal}" in station.texts()
@@ -100,7 +92,7 @@ def test_the_throttle_can_prevent_arming(main: int, throttle: int, refusal: str 
 def test_rc_overrides_show_in_rc_channels_and_are_no_manual_control() -> None:
     station = QuietPx4Station()
     pulses_us = [1600, 1500, 1400, 1500, *[0xFFFF] * 4, *[0] * 10]
-    assert station.change(POSITION) == ACCEPTED
+    assert station.set_mode("Position") == ACCEPTED
     station.send(mavlink.MAVLink_rc_channels_override_message(1, 1, *pulses_us))
     message = station.ask(mavlink.MAVLINK_MSG_ID_RC_CHANNELS)
     assert (message.chancount, message.chan1_raw, message.chan5_raw) == (4, 1600, 0xFFFF)
@@ -136,7 +128,7 @@ def test_position_takes_off_flies_brakes_and_holds() -> None:
     ("throttle", "climb_m_s"), [(250, -0.35), *full_only((0, -1.5), (540, 0.0), (1000, 3.0))]
 )
 def test_altitude_leans_and_climbs(throttle: int, climb_m_s: float) -> None:
-    station = flying(ALTITUDE)
+    station = flying("Altitude")
     hold(station, 2.5, 1000, 0, throttle, 0)
     pitch_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).pitch)
     assert pitch_deg == pytest.approx(-35, abs=1)
@@ -145,7 +137,7 @@ def test_altitude_leans_and_climbs(throttle: int, climb_m_s: float) -> None:
 
 @pytest.mark.full
 def test_a_leaning_copter_sinks_in_stabilized() -> None:
-    station = flying(STABILIZED)
+    station = flying("Stabilized")
     hold(station, 2, 1000, 0, 500, 0)
     assert station.velocity_m_s[2] < -1.0
     hold(station, 2, 0, 0, 700, 0)
@@ -160,7 +152,7 @@ def test_a_plane_banks_and_climbs_in_altitude() -> None:
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, *nowhere, ALT_M + 60) == ACCEPTED
     station.until(lambda: station.height_m > 55, 90)
     hold(station, 1, *CENTRE)
-    assert station.change(ALTITUDE) == ACCEPTED
+    assert station.set_mode("Altitude") == ACCEPTED
     hold(station, 4, -1000, 1000, 500, 0)
     roll_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).roll)
     assert roll_deg == pytest.approx(50, abs=2)  # FW_R_LIM
@@ -172,11 +164,11 @@ def test_a_plane_banks_and_climbs_in_altitude() -> None:
 
 @pytest.mark.parametrize(("override", "takes_over"), [(1, True), (0, False), (2, False)])
 def test_moving_sticks_take_over_from_an_auto_mode(override: int, *, takes_over: bool) -> None:
-    station = flying(AUTO, HOLD, COM_RC_OVERRIDE=override)
+    station = flying("Hold", COM_RC_OVERRIDE=override)
     hold(station, 0.5, 20, 0, 500, 0)  # slower than COM_RC_STICK_OV
-    assert station.custom_mode == (AUTO, HOLD)
+    assert station.mode == "Hold"
     hold(station, 0.3, 900, 0, 500, 0)
-    assert station.custom_mode == ((POSITION, 0) if takes_over else (AUTO, HOLD))
+    assert station.mode == ("Position" if takes_over else "Hold")
     assert ("Pilot took over using sticks" in station.texts()) is takes_over
 
 
@@ -184,11 +176,11 @@ def test_lost_setpoints_return_the_vehicle_to_its_pilot() -> None:
     station = QuietPx4Station()
     station.fly(15)
     station.stream_setpoints(1, 0, 0, 15)
-    assert station.change(OFFBOARD) == ACCEPTED
+    assert station.set_mode("Offboard") == ACCEPTED
     for _ in range(20):
         control(station, *CENTRE)
         station.wait(0.1)
-    assert station.custom_mode == (POSITION, 0)  # COM_OBL_RC_ACT 0
+    assert station.mode == "Position"  # COM_OBL_RC_ACT 0
 
 
 # -- Follow Target ---------------------------------------------------------------------------------------
@@ -208,7 +200,7 @@ def follow(station: QuietPx4Station, north_m: float, speed_m_s: float = 0.0, up_
 def test_follow_target_keeps_its_place_behind_a_moving_target() -> None:
     station = QuietPx4Station(params={"FLW_TGT_DST": 10.0, "FLW_TGT_HT": 12.0})
     station.fly(12)
-    assert station.change(AUTO, FOLLOW) == ACCEPTED
+    assert station.set_mode("Follow Target") == ACCEPTED
     before_m = place_m(station)
     station.wait(5)
     assert math.dist(place_m(station), before_m) < 0.5  # no target yet
@@ -229,7 +221,7 @@ def test_follow_target_keeps_its_place_behind_a_moving_target() -> None:
 def test_follow_target_holds_a_height_above_the_target() -> None:
     station = QuietPx4Station(params={"FLW_TGT_ALT_M": 2})
     station.fly(10)
-    assert station.change(AUTO, FOLLOW) == ACCEPTED
+    assert station.set_mode("Follow Target") == ACCEPTED
     for _ in range(15):
         follow(station, 0, up_m=15)
         station.wait(1.0)

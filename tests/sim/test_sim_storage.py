@@ -48,7 +48,7 @@ class Ground(FileStation):
     def hop(self) -> None:
         """Take off, land, and wait until the motors stop."""
         self.fly(10.0)
-        assert self.set_mode(9) == 0
+        assert self.set_mode("LAND") == 0
         self.until(lambda: not self.armed)
 
 

@@ -247,7 +247,7 @@ def test_a_vehicle_on_the_ground_reports_no_target(personality: str) -> None:
     assert not _reports(station, GLOBAL_TARGET)
     assert not _reports(station, LOCAL_TARGET)
     if personality == "ardupilot":
-        assert station.set_mode(4) == 0  # GUIDED begins with a velocity of 0
+        assert station.set_mode("GUIDED") == 0  # GUIDED begins with a velocity of 0
         assert not _reports(station, GLOBAL_TARGET)
         target = station.ask(LOCAL_TARGET)
         assert (target.type_mask, target.x, target.y, target.z, target.vx) == (0x0C07, 0, 0, 0, 0)
@@ -261,9 +261,9 @@ def test_ardupilot_reports_a_target_in_modes_with_a_target() -> None:
     station.until(lambda: station.speed_m_s > 3, 60)
     assert station.ask(GLOBAL_TARGET).lat_int == pytest.approx((LAT_DEG + 60 / NORTH_M_DEG) * 1e7, abs=30)
     assert not _reports(station, LOCAL_TARGET)
-    assert station.set_mode(17) == 0  # BRAKE
+    assert station.set_mode("BRAKE") == 0  # BRAKE
     assert not _reports(station, GLOBAL_TARGET)
-    assert station.set_mode(6) == 0  # RTL
+    assert station.set_mode("RTL") == 0  # RTL
     station.wait(5)
     assert station.ask(GLOBAL_TARGET).lat_int == pytest.approx(LAT_DEG * 1e7, abs=30)
     station.until(lambda: station.height_m < 5, 120)

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
+from sim_vehicle.physics.body import Body
 from sim_vehicle.physics.gps import GpsSettings
 from sim_vehicle.physics.noise import BLOCK_ROWS, Normals
 from sim_vehicle.physics.wind import GUST_TIME_S, WindSettings
@@ -62,6 +63,35 @@ def test_draws_do_not_depend_on_the_number_of_generators() -> None:
     among = Normals([np.random.default_rng(seed) for seed in range(5, 75)], 3)
     for _ in range(3 * BLOCK_ROWS):
         assert alone.take()[:, 0].tolist() == among.take()[:, 2].tolist()
+
+
+def happened(body: Body, world: World) -> bool:
+    """Return True for an event, and consume it; a second call finds none."""
+    shown, taken = bool(world.has_event[0]), body.take_events()
+    assert shown == taken
+    assert not body.take_events()
+    return taken
+
+
+def test_an_event_is_reported_once() -> None:
+    world, body = physics_bench.lone_copter(None)
+    physics_bench.wait(world, 1.0)
+    assert not happened(body, world)
+    body.fly_to(0, 0, physics_bench.GROUND_M + 10)
+    physics_bench.wait(world, 0.1)
+    assert happened(body, world)  # in the air
+    physics_bench.wait(world, 1.0)
+    assert not happened(body, world)
+    physics_bench.until(world, lambda: body.reached)
+    assert happened(body, world)
+    physics_bench.wait(world, 5.0)
+    assert not happened(body, world)
+    body.move_vertically(-1.0)
+    physics_bench.until(world, lambda: not body.airborne)
+    assert happened(body, world)  # touchdown
+    body.set_battery(capacity_mah=1.0, full_v=12.6)
+    physics_bench.wait(world, 0.2)
+    assert happened(body, world)  # empty
 
 
 def test_invalid_limits_are_ignored_or_bounded() -> None:

@@ -11,8 +11,11 @@ from sim_vehicle.personalities import personality_of
 from sim_vehicle.station.messages import to_wire
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
-MANUAL, ALTITUDE, POSITION, AUTO, ACRO, OFFBOARD, STABILIZED = 1, 2, 3, 4, 5, 6, 7
-TAKEOFF, HOLD, MISSION, RETURN, LAND, FOLLOW = 2, 3, 4, 5, 6, 8
+MODES = {  # name: main and sub mode
+    "Manual": (1, 0), "Altitude": (2, 0), "Position": (3, 0), "Acro": (5, 0), "Offboard": (6, 0),
+    "Stabilized": (7, 0), "Takeoff": (4, 2), "Hold": (4, 3), "Mission": (4, 4), "Return": (4, 5),
+    "Land": (4, 6), "Follow Target": (4, 8),
+}  # fmt: skip
 NAN = math.nan
 
 
@@ -22,13 +25,13 @@ def command_item(command: int, **fields: float) -> dict[str, Any]:
 
 
 class Px4Station(Station):
-    """A station with modes by main and sub number, and missions without a home placeholder."""
+    """A station with the modes of PX4, and missions without a home placeholder."""
 
     def __init__(self, kind: str = "copter", **options: Any) -> None:
         super().__init__(fleet_of(kind, personality="px4", **options))
 
-    def change(self, main: int, sub: int = 0) -> int:
-        return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub)
+    def set_mode(self, name: str) -> int:
+        return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, *MODES[name])
 
     def reposition(self, north_m: float, height_m: float, *params: float) -> int:
         return super().reposition(north_m, ALT_M + height_m, *(params or (-1, 1, 0, NAN)))
@@ -42,12 +45,6 @@ class Px4Station(Station):
             self.wait(0.2)
         return self.of("MISSION_CURRENT")[-1]
 
-    @property
-    def custom_mode(self) -> tuple[int, int]:
-        """Return main and sub mode of the heartbeat."""
-        number = self.heartbeat().custom_mode
-        return number >> 16 & 0xFF, number >> 24
-
     def upload_and_wait(self, items: Sequence[dict[str, Any]]) -> None:
         """Upload and wait for the vehicle's check of the mission."""
         assert self.upload(items) == 0
@@ -56,7 +53,7 @@ class Px4Station(Station):
     def fly_mission(self, items: Sequence[dict[str, Any]]) -> None:
         """Upload, and arm in the mission mode."""
         self.upload_and_wait(items)
-        assert self.change(AUTO, MISSION) == 0
+        assert self.set_mode("Mission") == 0
         assert self.arm() == 0
 
     def fly(self, height_m: float = 20.0) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults.spec import parse_fault
@@ -18,6 +19,10 @@ WITHOUT_LOG = {"LOG_BACKEND_TYPE": 0}
 """ArduPilot without its on-board log, which takes a quarter of the time of a flight."""
 
 
+MODES = {
+    "copter": mavutil.mode_mapping_byname(mavlink.MAV_TYPE_QUADROTOR),
+    "plane": mavutil.mode_mapping_byname(mavlink.MAV_TYPE_FIXED_WING),
+}
 VEHICLE = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M}
 
 
@@ -165,8 +170,9 @@ class Station:
         frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
         return self.command_int(mavlink.MAV_CMD_DO_REPOSITION, frame, x, y, height_m, *(params or (-1, 1)))
 
-    def set_mode(self, number: int) -> int:
-        return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, number)
+    def set_mode(self, name: str) -> int:
+        kind = self.fleet.scenario.vehicles[self.fleet.sysids.index(self.target)].kind
+        return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, MODES[kind][name])
 
     def arm(self) -> int:
         return self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
@@ -301,7 +307,7 @@ class Station:
 
     def fly(self, height_m: float = 20.0) -> None:
         """Take off in GUIDED to a height."""
-        assert self.set_mode(4) == 0
+        assert self.set_mode("GUIDED") == 0
         assert self.arm() == 0
         assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) == 0
         self.until(lambda: abs(self.height_m - height_m) < 0.3, 60)
@@ -309,14 +315,14 @@ class Station:
     def fly_mission(self, items: Sequence[dict[str, Any]]) -> None:
         """Upload with a home placeholder, arm in GUIDED, start."""
         assert self.upload([home_item(), *items]) == 0
-        assert self.set_mode(4) == 0
+        assert self.set_mode("GUIDED") == 0
         assert self.arm() == 0
         assert self.command(mavlink.MAV_CMD_MISSION_START) == 0
 
     def fly_plane_mission(self, items: Sequence[dict[str, Any]]) -> None:
         """Upload to an ArduPlane, select AUTO, arm."""
         assert self.upload(items) == 0
-        assert self.set_mode(10) == 0
+        assert self.set_mode("AUTO") == 0
         assert self.arm() == 0
 
 
@@ -328,7 +334,7 @@ def station_of(*arguments: Any, **options: Any) -> Station:
 def airborne_plane(params: dict[str, float] | None = None, *, up_m: float = 45.0, **extra: Any) -> Station:
     """Return a station of an ArduPlane in TAKEOFF, above a height."""
     station = station_of("plane", params, **extra)
-    assert station.set_mode(13) == 0
+    assert station.set_mode("TAKEOFF") == 0
     assert station.arm() == 0
     station.until(lambda: station.height_m > up_m, 120)
     return station
