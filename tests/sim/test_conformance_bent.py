@@ -6,7 +6,17 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from bent_vehicle import HOME, DroppingWire, FleetWire, acknowledged, conform, failures_with, fleet, named
+from bent_vehicle import (
+    HOME,
+    DroppingWire,
+    FleetWire,
+    acknowledged,
+    conform,
+    failures_with,
+    fleet,
+    named,
+    selects,
+)
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.checks.signing import KEY
@@ -103,14 +113,11 @@ def test_exactly_the_checks_of_an_altered_message_fail(
 
 
 def test_an_acknowledged_but_unset_parameter_is_noticed() -> None:
-    def sets(message: Any) -> bool:
-        return bool(message.get_type() == "PARAM_SET")
-
     def value(sent: Any) -> list[Any]:
         name = sent.param_id.encode()
         return [mavlink.MAVLink_param_value_message(name, sent.param_value, sent.param_type, 900, 1)]
 
-    report = conform(DroppingWire(fleet(ready_s=0.0), sets, value), "parameters.set")
+    report = conform(DroppingWire(fleet(ready_s=0.0), selects("PARAM_SET"), value), "parameters.set")
     assert named(report, Outcome.FAILED) == {
         "parameters.set.is_kept",
         "parameters.set.fraction",
@@ -120,13 +127,10 @@ def test_an_acknowledged_but_unset_parameter_is_noticed() -> None:
 
 
 def test_a_fence_that_an_empty_upload_leaves_is_noticed() -> None:
-    def is_empty(message: Any) -> bool:
-        return bool(message.get_type() == "MISSION_COUNT" and message.count == 0 and message.mission_type)
-
     def accepted(message: Any) -> list[Any]:
         return [mavlink.MAVLink_mission_ack_message(255, 190, 0, message.mission_type)]
 
-    wire = DroppingWire(fleet(ready_s=0.0), is_empty, accepted)
+    wire = DroppingWire(fleet(ready_s=0.0), selects("MISSION_COUNT", count=0, mission_type=1), accepted)
     assert outcomes(wire, "fence.empty_upload") == {"fence.empty_upload": Outcome.FAILED}
 
 
@@ -168,11 +172,7 @@ def test_missing_frames_fail_the_framing_check() -> None:
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 def test_an_unrestored_default_rate_is_noticed(personality: str) -> None:
     """The outcome does not depend on a rate that was set before."""
-
-    def to_default(message: Any) -> bool:
-        kind = message.get_type()
-        return bool(kind == "COMMAND_LONG" and message.command == 511 and message.param2 == 0)
-
+    to_default = selects("COMMAND_LONG", command=mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, param2=0)
     for before in ((), ("messages.interval.10_hz",), ("messages.interval.4_hz",)):
         wire = DroppingWire(fleet(personality, ready_s=0.0), to_default, acknowledged)
         assert outcomes(wire, *before, "messages.interval.default")["messages.interval.default"] is (
@@ -194,7 +194,7 @@ class LateWire(DroppingWire):
     """A wire that connects to a fleet 200 s after its start."""
 
     def __init__(self, ignored: str = "") -> None:
-        super().__init__(with_a_log(), lambda message: message.get_type() == ignored)
+        super().__init__(with_a_log(), selects(ignored))
         self._now = 200.0
 
 

@@ -17,6 +17,7 @@ from bent_vehicle import (
     has_mission,
     named,
     one_check,
+    selects,
     store_mission,
     without_simulator_mark,
 )
@@ -109,9 +110,7 @@ def test_the_run_goes_on_after_an_unasked_reboot() -> None:
 
 
 def test_a_vehicle_that_does_not_reboot_soon_after_its_boot_is_noticed() -> None:
-    def reboot(message: Any) -> bool:
-        return bool(message.get_type() == "COMMAND_LONG" and message.command == 246 and message.param1 == 1)
-
+    reboot = selects("COMMAND_LONG", command=mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, param1=1)
     report = conform(DroppingWire(fleet(ready_s=0.0), reboot, acknowledged), "reboot.answers_again")
     assert named(report, Outcome.FAILED) == {"reboot.answers_again"}
 
@@ -123,16 +122,11 @@ def test_a_check_starts_although_px4_denies_its_requests() -> None:
     """The stream then brings the message."""
     denied: list[Any] = []
 
-    def asks_for_status(message: Any) -> bool:
-        return bool(
-            message.get_type() == "COMMAND_LONG" and (message.command, message.param1) == (REQUEST, 1)
-        )
-
     def denial(message: Any) -> list[Any]:
         denied.append(message)
         return [mavlink.MAVLink_command_ack_message(REQUEST, mavlink.MAV_RESULT_DENIED, 0, 0, 255, 190)]
 
-    wire = DroppingWire(fleet("px4", ready_s=0.0), asks_for_status, denial)
+    wire = DroppingWire(fleet("px4", ready_s=0.0), selects("COMMAND_LONG", command=REQUEST, param1=1), denial)
     assert named(conform(wire, "arming.arms_and_disarms"), Outcome.PASSED) == {"arming.arms_and_disarms"}
     assert denied
 
@@ -141,12 +135,14 @@ def test_a_check_starts_although_px4_denies_its_requests() -> None:
 
 
 def test_parameters_are_restored_on_a_vehicle_that_stays_armed() -> None:
-    def stays_armed(message: Any) -> bool:
-        landing = message.get_type() == "COMMAND_LONG" and message.command == 176  # DO_SET_MODE
-        return bool(state["armed"] and (landing or message.get_type() == "SET_MODE" or disarms(message)))
+    landing = (
+        selects("COMMAND_LONG", command=mavlink.MAV_CMD_DO_SET_MODE),
+        selects("COMMAND_LONG", command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM, param1=0),
+        selects("SET_MODE"),
+    )
 
-    def disarms(message: Any) -> bool:
-        return bool(message.get_type() == "COMMAND_LONG" and message.command == 400 and message.param1 == 0)
+    def stays_armed(message: Any) -> bool:
+        return state["armed"] and any(ends_the_flight(message) for ends_the_flight in landing)
 
     def arms_and_leaves_a_change(vehicle: VehicleUnderTest) -> str:
         before = parameters.read(vehicle, "RTL_ALT")

@@ -75,8 +75,7 @@ def test_an_impossible_voltage_is_limited_and_the_vehicle_continues() -> None:
 
 
 def test_a_low_battery_refuses_arming_by_its_limit() -> None:
-    station = Station()
-    station.set_parameter("SIM_BATT_VOLTAGE", 10.0)
+    station = station_of(params={"SIM_BATT_VOLTAGE": 10.0})
     station.wait(1)
     assert station.set_mode("GUIDED") == 0
     assert station.arm() == FAILED
@@ -103,8 +102,7 @@ def test_a_recovered_battery_refuses_arming_until_the_next_boot() -> None:
 
 
 def test_a_silent_ground_station_refuses_arming() -> None:
-    station = Station()
-    station.set_parameter("FS_GCS_ENABLE", 1)
+    station = station_of(params={"FS_GCS_ENABLE": 1})
     station.beat()
     station.set_mode("GUIDED")
     station.wait(7)
@@ -115,8 +113,7 @@ def test_a_silent_ground_station_refuses_arming() -> None:
 
 
 def test_a_failsafe_with_an_action_stops_the_motors_on_the_ground() -> None:
-    station = Station()
-    station.set_parameter("FS_GCS_ENABLE", 1)
+    station = station_of(params={"FS_GCS_ENABLE": 1})
     station.beat()
     station.set_mode("GUIDED")
     assert station.arm() == 0
@@ -293,8 +290,7 @@ def test_the_stall_speed_follows_its_parameter(personality: str, name: str) -> N
 
 @pytest.mark.parametrize("slew_cdeg_s", [1000.0, 6000.0])
 def test_atc_slew_yaw_is_the_turn_rate(slew_cdeg_s: float) -> None:
-    station = Station()
-    station.set_parameter("ATC_SLEW_YAW", slew_cdeg_s)
+    station = station_of(params={"ATC_SLEW_YAW": slew_cdeg_s})
     station.fly(20)
     before_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw)
     assert station.command(mavlink.MAV_CMD_CONDITION_YAW, 170, 0, 1, 1) == 0

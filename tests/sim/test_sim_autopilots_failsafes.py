@@ -2,7 +2,7 @@
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, takeoff, waypoint
+from station import Station, station_of, takeoff, waypoint
 
 
 def wait_beating(station: Station, seconds: float, sysid: int) -> None:
@@ -25,9 +25,7 @@ def test_a_gps_loss_in_auto_lands_the_copter_after_8_seconds() -> None:
 
 @pytest.mark.autopilots("1.20")
 def test_a_low_battery_returns_after_10_seconds() -> None:
-    station = Station()
-    station.set_parameter("BATT_LOW_VOLT", 11)
-    station.set_parameter("BATT_FS_LOW_ACT", 2)
+    station = station_of(params={"BATT_LOW_VOLT": 11, "BATT_FS_LOW_ACT": 2})
     station.fly_mission([takeoff(), waypoint(500, 0)])
     station.until(lambda: station.height_m > 19, 30)
     station.set_parameter("SIM_BATT_VOLTAGE", 10.5)
@@ -45,8 +43,7 @@ def test_the_ground_station_failsafe_is_off_by_default() -> None:
 
 @pytest.mark.autopilots("1.15")
 def test_only_sysid_mygcs_keeps_the_ground_station_failsafe_quiet() -> None:
-    station = Station()
-    station.set_parameter("FS_GCS_ENABLE", 1)
+    station = station_of(params={"FS_GCS_ENABLE": 1})
     station.beat()
     station.set_mode("GUIDED")
     station.arm()

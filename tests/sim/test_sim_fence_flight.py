@@ -6,7 +6,7 @@ import pytest
 from profiles import full_only
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, item, land, place_m, takeoff, waypoint
+from station import Station, item, land, place_m, station_of, takeoff, waypoint
 
 FENCE = 1
 
@@ -148,9 +148,7 @@ def test_a_return_stays_under_the_fence() -> None:
 def test_a_return_close_to_home_climbs_to_the_cone_of_rtl_cone_slope(
     north_m: float, slope: float, highest_m: float
 ) -> None:
-    station = Station()
-    station.set_parameter("RTL_CONE_SLOPE", slope)
-    station.set_parameter("WPNAV_RADIUS", 20)
+    station = station_of(params={"RTL_CONE_SLOPE": slope, "WPNAV_RADIUS": 20})
     station.fly_mission([takeoff(5), waypoint(north_m, 0, 5)])
     station.wait(30.0)
     assert place_m(station)[0] == pytest.approx(north_m, abs=0.5)

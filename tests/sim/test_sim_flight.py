@@ -66,8 +66,7 @@ def test_a_swap_in_flight_by_hold_upload_set_current_and_auto() -> None:
 
 @pytest.mark.autopilots("1.7")
 def test_auto_options_3_allows_arming_and_flying_in_auto() -> None:
-    station = Station()
-    station.set_parameter("AUTO_OPTIONS", 3)
+    station = station_of(params={"AUTO_OPTIONS": 3})
     assert station.upload([home_item(), takeoff(10), land(0, 0)]) == 0
     assert station.set_mode("AUTO") == 0
     assert station.arm() == 0

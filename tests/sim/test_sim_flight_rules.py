@@ -29,9 +29,7 @@ def swept_rad(circle: list[tuple[float, float]]) -> float:
 
 
 def test_a_refused_reposition_changes_no_mode() -> None:
-    station = Station()
-    station.set_parameter("FENCE_RADIUS", 60.0)
-    station.set_parameter("FENCE_ENABLE", 1)
+    station = station_of(params={"FENCE_RADIUS": 60.0, "FENCE_ENABLE": 1})
     station.fly(20)
     assert station.set_mode("BRAKE") == 0
     assert station.reposition(200, 20) == 4  # FAILED

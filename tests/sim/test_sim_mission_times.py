@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from flown_legs import FLOWN_LEGS, GUIDED_START_LOSS_S, PX4_START_LOSS_S, START_LOSS_S, FlownLeg
 from px4_station import QuietPx4Station
-from station import Station, place_m, takeoff, waypoint
+from station import Station, place_m, station_of, takeoff, waypoint
 
 from swarmctl.agent.replan.travel_time import timed_track
 from swarmctl.mavlink.dialects import dialect_for
@@ -15,8 +15,7 @@ from swarmctl.mavlink.dialects import dialect_for
 
 @pytest.mark.parametrize("leg", FLOWN_LEGS, ids=str)
 def test_a_short_leg_takes_as_long_as_on_firmware(leg: FlownLeg) -> None:
-    station = Station()
-    station.set_parameter("WPNAV_SPEED", 100.0 * leg.speed_m_s)
+    station = station_of(params={"WPNAV_SPEED": 100.0 * leg.speed_m_s})
     corners = [waypoint(north_m, east_m) for east_m, north_m in leg.corners_m[1:]]
     station.fly_mission([takeoff(20.0), *corners])
     reached_s = []
@@ -27,9 +26,7 @@ def test_a_short_leg_takes_as_long_as_on_firmware(leg: FlownLeg) -> None:
 
 
 def ardupilot() -> Station:
-    station = Station()
-    station.set_parameter("WPNAV_SPEED", 1000.0)
-    return station
+    return station_of(params={"WPNAV_SPEED": 1000.0})
 
 
 def px4() -> Station:

@@ -27,11 +27,11 @@ def test_every_fault_is_in_the_table() -> None:
     assert re.findall(r"^\| `(\w+)` \|", page("faults"), flags=re.MULTILINE) == list(FAULTS)
 
 
-@pytest.mark.full
 @pytest.mark.interop
 def test_the_pytest_examples_pass_in_a_separate_project(tmp_path: Path) -> None:
     (tmp_path / "test_mine.py").write_text("\n\n".join(blocks("python", "testing")), encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    plugins = ["-p", "no:cacheprovider", "-p", "sim_vehicle.pytest_plugin"]
+    command = [sys.executable, "-m", "pytest", "-q", *plugins]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     assert "6 passed" in done.stdout, done.stdout
 

@@ -6,13 +6,7 @@ from typing import Any
 
 import pytest
 from profiles import full_only
-from px4_station import (
-    ACCEPTED,
-    NAN,
-    TEMPORARILY_REJECTED,
-    UNSUPPORTED,
-    QuietPx4Station,
-)
+from px4_station import ACCEPTED, NAN, TEMPORARILY_REJECTED, UNSUPPORTED, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, land, place_m, takeoff, waypoint
 

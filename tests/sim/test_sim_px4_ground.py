@@ -7,15 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
-from px4_station import (
-    ACCEPTED,
-    DENIED,
-    FAILED,
-    NAN,
-    TEMPORARILY_REJECTED,
-    UNSUPPORTED,
-    Px4Station,
-)
+from px4_station import ACCEPTED, DENIED, FAILED, NAN, TEMPORARILY_REJECTED, UNSUPPORTED, Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import takeoff, waypoint
 

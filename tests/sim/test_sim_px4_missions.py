@@ -1,13 +1,7 @@
 """PX4 1.15: the distance of a mission (MIS_DIST_1WP), its current item, and answers of PX4 alone."""
 
 import pytest
-from px4_station import (
-    ACCEPTED,
-    DENIED,
-    TEMPORARILY_REJECTED,
-    QuietPx4Station,
-    command_item,
-)
+from px4_station import ACCEPTED, DENIED, TEMPORARILY_REJECTED, QuietPx4Station, command_item
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import item, place_m, takeoff, waypoint
 

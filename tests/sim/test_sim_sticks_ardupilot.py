@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, airborne_plane, place_m
+from station import Station, airborne_plane, place_m, station_of
 
 RECEIVER = [1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800]
 NEUTRAL = (1500, 1500, 1500, 1500)
@@ -54,8 +54,7 @@ def flying(mode: str, height_m: float = 40.0) -> Station:
 @pytest.mark.full
 @pytest.mark.parametrize(("limit_s", "after_10_s"), [(0.0, 1500), (-1.0, 1600), (20.0, 1600), (5.0, 1500)])
 def test_rc_override_time(limit_s: float, after_10_s: int) -> None:
-    station = Station()
-    station.set_parameter("RC_OVERRIDE_TIME", limit_s)
+    station = station_of(params={"RC_OVERRIDE_TIME": limit_s})
     override(station, 1600)
     assert channels(station)[0] == (1500 if limit_s == 0 else 1600)
     station.wait(10)

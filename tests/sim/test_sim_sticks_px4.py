@@ -7,11 +7,7 @@ import math
 
 import pytest
 from profiles import full_only
-from px4_station import (
-    ACCEPTED,
-    TEMPORARILY_REJECTED,
-    QuietPx4Station,
-)
+from px4_station import ACCEPTED, TEMPORARILY_REJECTED, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, place_m
 

@@ -102,6 +102,14 @@ def without_simulator_mark(message: Any) -> list[Any]:
     return [message]
 
 
+def selects(kind: str, **fields: Any) -> Callable[[Any], bool]:
+    """Return a condition: the message has this type, and these values in its fields."""
+    wanted = fields.items()
+    return lambda message: (
+        message.get_type() == kind and all(getattr(message, name) == value for name, value in wanted)
+    )
+
+
 def acknowledged(message: Any) -> list[Any]:
     """Return the acceptance of a command that the vehicle does not receive."""
     return [mavlink.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)]
