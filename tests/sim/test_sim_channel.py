@@ -12,7 +12,6 @@ from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy import stats
 
-from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.base import VehicleAccess
 from sim_vehicle.faults.schedule import Schedule
 from sim_vehicle.faults.spec import parse_fault
@@ -264,15 +263,3 @@ def test_sik_radio_reports_a_full_buffer() -> None:
     reports = [m for frame, _ in wire.channel.take(DOWN, math.inf) for m in receiver.parse_buffer(frame)]
     assert reports[0].txbuf == 100
     assert reports[-1].txbuf < 10
-
-
-def test_every_fault_can_begin_and_end_alone() -> None:
-    for name in FAULTS:
-        wire = Wire(f"{name}:at=1,for=2")
-        wire.schedule.tick(0.5)
-        assert wire.schedule.names(0) == ()
-        wire.schedule.tick(1.0)
-        assert wire.schedule.names(0) == (name,)
-        wire.schedule.tick(3.0)
-        assert wire.schedule.names(0) == ()
-        assert wire.channel.idle

@@ -161,10 +161,6 @@ def test_a_check_covers_its_vehicles_and_times() -> None:
     [
         ({"flown": ~YES}, "0 m away, not flown yet"),
         ({"flown": YES, "bound_for_goal": ~YES}, "0 m away, not bound for the goal yet"),
-        (
-            {"flown": YES, "goal_m": np.array([[30, 40], [35, 40], [40, 40]])},
-            "50 m away at the closest approach, at 0.00 s",
-        ),
     ],
 )
 def test_a_goal_counts_in_flight_and_while_bound_for_it(fields: dict[str, Any], found: str) -> None:

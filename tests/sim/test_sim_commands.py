@@ -3,17 +3,11 @@
 from collections.abc import Callable
 
 import pytest
-from px4_station import QuietPx4Station
+from px4_station import DENIED, FAILED, TEMPORARILY_REJECTED, UNSUPPORTED, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import VEHICLE, Station, home_item, scenario, waypoint
 
 from sim_vehicle.fleet import Fleet
-
-FAILED, DENIED, UNSUPPORTED = (
-    mavlink.MAV_RESULT_FAILED,
-    mavlink.MAV_RESULT_DENIED,
-    mavlink.MAV_RESULT_UNSUPPORTED,
-)
 
 
 @pytest.mark.autopilots("1.3", "1.7")
@@ -84,21 +78,29 @@ def test_a_reposition_outside_of_guided_needs_its_flag() -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "result"),
+    ("make", "command", "params", "result"),
     [
-        pytest.param((mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10), FAILED, id="take-off unarmed"),
-        pytest.param((mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0), FAILED, id="pause in STABILIZE"),
-        pytest.param((mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, -1), FAILED, id="no speed"),
-        pytest.param((mavlink.MAV_CMD_DO_FENCE_ENABLE, 5), FAILED, id="fence neither on nor off"),
-        pytest.param((mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0), UNSUPPORTED, id="a reboot of nothing"),
-        pytest.param((mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 2), UNSUPPORTED, id="shutdown"),
-        pytest.param((mavlink.MAV_CMD_DO_ORBIT, 10, 2), UNSUPPORTED, id="orbit"),
-        pytest.param((mavlink.MAV_CMD_DO_SET_RELAY, 0, 1), UNSUPPORTED, id="relay"),
+        (Station, mavlink.MAV_CMD_NAV_TAKEOFF, (0, 0, 0, 0, 0, 0, 10), FAILED),  # unarmed
+        (Station, mavlink.MAV_CMD_DO_PAUSE_CONTINUE, (0,), FAILED),  # in STABILIZE
+        (Station, mavlink.MAV_CMD_DO_CHANGE_SPEED, (1, -1), FAILED),
+        (Station, mavlink.MAV_CMD_DO_FENCE_ENABLE, (5,), FAILED),  # neither on nor off
+        (Station, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, (0,), UNSUPPORTED),
+        (Station, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, (2,), UNSUPPORTED),
+        (Station, mavlink.MAV_CMD_DO_ORBIT, (10, 2), UNSUPPORTED),
+        (Station, mavlink.MAV_CMD_DO_SET_RELAY, (0, 1), UNSUPPORTED),
+        (QuietPx4Station, mavlink.MAV_CMD_CONDITION_YAW, (1,), UNSUPPORTED),
+        (QuietPx4Station, mavlink.MAV_CMD_DO_MOTOR_TEST, (1,), UNSUPPORTED),
+        (QuietPx4Station, mavlink.MAV_CMD_DO_SET_RELAY, (1,), UNSUPPORTED),
+        (QuietPx4Station, mavlink.MAV_CMD_DO_ORBIT, (10,), TEMPORARILY_REJECTED),
+        (QuietPx4Station, mavlink.MAV_CMD_DO_FLIGHTTERMINATION, (1,), DENIED),
+        (QuietPx4Station, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, (0,), 0),  # no component reboots
+        (QuietPx4Station, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, (2,), DENIED),
     ],
 )
-def test_unavailable_commands_are_refused(command: tuple[float, ...], result: int) -> None:
-    station = Station()
-    assert station.command(int(command[0]), *command[1:]) == result
+def test_the_answers_to_commands_on_the_ground(
+    make: Callable[[], Station], command: int, params: tuple[float, ...], result: int
+) -> None:
+    assert make().command(command, *params) == result
 
 
 def test_a_reboot_begins_with_silence() -> None:

@@ -8,7 +8,18 @@ import pytest
 from profiles import full_only
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, airborne_plane, home_item, item, land, place_m, station_of, takeoff, waypoint
+from station import (
+    Station,
+    airborne_plane,
+    home_item,
+    item,
+    land,
+    place_m,
+    setpoint,
+    station_of,
+    takeoff,
+    waypoint,
+)
 
 
 def fly_plane_mission(station: Station, items: list[dict[str, Any]]) -> None:
@@ -81,9 +92,9 @@ def test_an_unknown_battery_capacity_has_no_effect() -> None:
 def test_set_points_without_any_field_do_not_keep_offboard_active(frame: int, value: float) -> None:
     station = QuietPx4Station()
     station.fly(10)
-    station.stream_setpoints(1.0, 0, 0, 10)
+    station.hold(setpoint((0, 0, -10)), 1.0)
     assert station.set_mode("Offboard") == 0
-    station.stream_setpoints(2.0, 0, 0, 10)
+    station.hold(setpoint((0, 0, -10)), 2.0)
     assert station.mode == "Offboard"
     blank = (value,) * 6
     mask = 0x0FF8 if frame == 77 else 0x0DC7

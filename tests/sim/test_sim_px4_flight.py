@@ -8,7 +8,7 @@ import pytest
 from profiles import full_only
 from px4_station import ACCEPTED, NAN, TEMPORARILY_REJECTED, UNSUPPORTED, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, land, place_m, takeoff, waypoint
+from station import ALT_M, LAT_DEG, LON_DEG, land, place_m, setpoint, takeoff, waypoint
 
 E7 = 10_000_000
 NORTH_DEG_PER_M = 1 / 111_195.0
@@ -170,9 +170,9 @@ def test_a_pilots_mode_is_not_available_in_the_air_without_a_pilot() -> None:
 def test_com_obl_rc_act_is_the_reaction_to_lost_setpoints(action: int, mode: str) -> None:
     station = QuietPx4Station(params={"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 1.0})
     station.fly(10)
-    station.stream_setpoints(1.5, 0, 0, 10)
+    station.hold(setpoint((0, 0, -10)), 1.5)
     assert station.set_mode("Offboard") == ACCEPTED
-    station.stream_setpoints(2, 0, 0, 10)
+    station.hold(setpoint((0, 0, -10)), 2)
     station.wait(0.7)
     assert station.mode == "Offboard"
     station.wait(0.6)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
-from px4_station import ACCEPTED, DENIED, FAILED, NAN, TEMPORARILY_REJECTED, UNSUPPORTED, Px4Station
+from px4_station import ACCEPTED, DENIED, FAILED, NAN, TEMPORARILY_REJECTED, Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import takeoff, waypoint
 
@@ -155,22 +155,6 @@ def test_a_watched_ground_station_is_required_for_arming() -> None:
 
 
 # -- answers to commands ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("command", "param1", "result"),
-    [
-        (mavlink.MAV_CMD_CONDITION_YAW, 1, UNSUPPORTED),
-        (mavlink.MAV_CMD_DO_MOTOR_TEST, 1, UNSUPPORTED),
-        (mavlink.MAV_CMD_DO_SET_RELAY, 1, UNSUPPORTED),
-        (mavlink.MAV_CMD_DO_ORBIT, 10, TEMPORARILY_REJECTED),
-        (mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1, DENIED),
-        (mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0, ACCEPTED),  # no component reboots
-        (mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 2, DENIED),
-    ],
-)
-def test_the_answers_to_commands_on_the_ground(command: int, param1: float, result: int) -> None:
-    assert Px4Station().command(command, param1) == result
 
 
 def test_messages_on_request() -> None:

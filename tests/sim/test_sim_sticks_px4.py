@@ -9,7 +9,7 @@ import pytest
 from profiles import full_only
 from px4_station import ACCEPTED, TEMPORARILY_REJECTED, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, place_m
+from station import ALT_M, LAT_DEG, LON_DEG, place_m, setpoint
 
 CENTRE = (0, 0, 500, 0)
 
@@ -171,7 +171,7 @@ def test_moving_sticks_take_over_from_an_auto_mode(override: int, *, takes_over:
 def test_lost_setpoints_return_the_vehicle_to_its_pilot() -> None:
     station = QuietPx4Station()
     station.fly(15)
-    station.stream_setpoints(1, 0, 0, 15)
+    station.hold(setpoint((0, 0, -15)), 1)
     assert station.set_mode("Offboard") == ACCEPTED
     for _ in range(20):
         control(station, *CENTRE)

@@ -69,20 +69,6 @@ class Px4Station(Station):
         kind = mavlink.MAV_PARAM_TYPE_INT32 if isinstance(value, int) else mavlink.MAV_PARAM_TYPE_REAL32
         return self._set(name, to_wire(value, kind, byte_wise=True), kind)
 
-    def setpoint(self, north_m: float, east_m: float, up_m: float) -> list[Any]:
-        """Send SET_POSITION_TARGET_LOCAL_NED with a position."""
-        return self.send(
-            mavlink.MAVLink_set_position_target_local_ned_message(
-                0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, 0x0DF8, north_m, east_m, -up_m, *[0.0] * 6, 0.0, 0.0
-            )
-        )
-
-    def stream_setpoints(self, seconds: float, *target_m: float) -> None:
-        """Send the set-point ten times a second."""
-        for _ in range(round(seconds * 10.0)):
-            self.setpoint(*target_m)
-            self.wait(0.1)
-
 
 class QuietPx4Station(Px4Station):
     """A station of a vehicle without a log and default streams: a flight takes a third of the time."""
