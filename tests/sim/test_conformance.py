@@ -63,7 +63,7 @@ def test_a_pattern_is_a_category_a_beginning_or_a_shell_pattern() -> None:
 # -- the simulator passes --------------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("1.7", "1.9", "1.17", "2 count", "2 abandoned upload", "2 requests", "2 RTL item")
+@pytest.mark.autopilots("1.7", "1.9", "1.17", "2 count", "2 abandoned upload", "2 requests")
 @pytest.mark.autopilots("2 wrong / duplicate item", "2 CLEAR_ALL", "2 DO_SET_MISSION_CURRENT")
 @pytest.mark.autopilots("2 MISSION_SET_CURRENT")
 @pytest.mark.autopilots("2 second GCS / download during upload", "2 PX4 otherwise")

@@ -183,18 +183,13 @@ def test_an_unrestored_default_rate_is_noticed(personality: str) -> None:
 ENDED = "logs.download_can_be_ended"
 
 
-def with_a_log() -> Fleet:
-    """Return a PX4 fleet with a log; PX4 logs from its boot."""
-    inner = fleet("px4", ready_s=0.0)
-    inner.step(200.0)
-    return inner
-
-
 class LateWire(DroppingWire):
-    """A wire that connects to a fleet 200 s after its start."""
+    """A wire that connects to a PX4 fleet 200 s after its start; PX4 logs from its boot."""
 
     def __init__(self, ignored: str = "") -> None:
-        super().__init__(with_a_log(), selects(ignored))
+        inner = fleet("px4", ready_s=0.0)
+        inner.step(200.0)
+        super().__init__(inner, selects(ignored))
         self._now = 200.0
 
 

@@ -3,7 +3,7 @@
 import pytest
 from files_client import FileStation
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, item, land, place_m, station_of, takeoff, waypoint
+from station import Station, home_item, item, land, place_m, station_of, takeoff, waypoint
 
 from sim_vehicle.personalities import personality_of
 
@@ -62,6 +62,14 @@ def test_a_return_item_is_flown_in_auto() -> None:
     station.wait(5)
     beats = [m for m in station.received[begun:] if m.get_type() == "HEARTBEAT"]
     assert {m.custom_mode for m in beats} == {AUTO}
+
+
+@pytest.mark.autopilots("2 RTL item")
+@pytest.mark.parametrize("frame", [0, 3, 5, 10, 11])
+def test_a_return_is_accepted_in_any_frame(frame: int) -> None:
+    station = Station()
+    rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=frame)
+    assert station.upload([home_item(), takeoff(), rtl]) == mavlink.MAV_MISSION_ACCEPTED
 
 
 @pytest.mark.autopilots("2 frame 2 on a WP")

@@ -95,6 +95,8 @@ def test_a_reposition_outside_of_guided_needs_its_flag() -> None:
         (QuietPx4Station, mavlink.MAV_CMD_DO_FLIGHTTERMINATION, (1,), DENIED),
         (QuietPx4Station, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, (0,), 0),  # no component reboots
         (QuietPx4Station, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, (2,), DENIED),
+        (QuietPx4Station, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (132, 1e5), 0),  # DISTANCE_SENSOR
+        (QuietPx4Station, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (140, 1e5), FAILED),  # until 1.13
     ],
 )
 def test_the_answers_to_commands_on_the_ground(

@@ -126,10 +126,6 @@ def test_an_acceleration_ahead_of_the_velocity_shortens_the_way_to_a_speed() -> 
 # -- frames --------------------------------------------------------------------------------------------------
 
 
-def east_heading(station: Station) -> None:
-    station.hold(setpoint(velocity=(0, 0, 0), yaw=math.pi / 2), 4)
-
-
 @pytest.mark.parametrize(
     ("autopilot", "frame", "moved"),
     [
@@ -145,7 +141,7 @@ def test_a_velocity_is_flown_in_the_frames_of_the_firmware(
     autopilot: str, frame: int, moved: tuple[float, float]
 ) -> None:
     station = flying(autopilot, COM_OF_LOSS_T=60.0)
-    east_heading(station)
+    station.hold(setpoint(velocity=(0, 0, 0), yaw=math.pi / 2), 4)  # to the east
     before = place_m(station)
     station.hold(setpoint(velocity=(3, 0, 0), frame=frame), 4)
     north_m, east_m = (now - then for now, then in zip(place_m(station), before, strict=True))

@@ -102,6 +102,13 @@ def test_a_position_outside_the_earth_in_a_legacy_item(name: str, kind: str, at:
     bench.check()
 
 
+@pytest.mark.parametrize(("name", "kind"), CRAFT)
+def test_a_request_for_the_protocol_version(name: str, kind: str) -> None:
+    bench = Bench(name, kind)
+    assert bench.command(mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION, 1) is not None
+    bench.check()
+
+
 # -- COMMAND_CANCEL, which the dialect does not know -------------------------------------------------------
 
 

@@ -114,6 +114,15 @@ def test_a_download_is_paced(rules: LogRules) -> None:
     assert not vehicle.machine.busy
 
 
+@BOTH
+def test_an_end_request_stops_a_download(rules: LogRules) -> None:
+    vehicle = Vehicle(rules, bytes(50_000), bytes_s=10_000, max_bytes_at_once=1_000)
+    vehicle.listing()
+    vehicle.ask(rules.first_id, 0, 2**32 - 1)
+    vehicle.receive(mavlink.MAVLink_log_request_end_message(1, 1))
+    assert vehicle.wait(3.0) == []
+
+
 def test_ardupilot_refuses_while_armed_with_one_text() -> None:
     vehicle = Vehicle(log_transfer.ARDUPILOT, bytes(50_000), bytes_s=10_000, max_bytes_at_once=1_000)
     vehicle.ask(1, 0, 2**32 - 1)

@@ -30,31 +30,25 @@ NAN = math.nan
 @pytest.mark.parametrize(
     ("command", "sent", "kept"),
     [
-        pytest.param(TURNS, (3.9, 9, 300.0, 1), (3, 0, 300, 1), id="LOITER_TURNS"),
-        pytest.param(TURNS, (0.5, 0, -12.7, 0), (0.5, 0, -12, 0), id="LOITER_TURNS, half a turn"),
-        pytest.param(TURNS, (300, 0, 1234.0, 0), (255, 0, 1230, 0), id="LOITER_TURNS, wide"),
-        pytest.param(mavlink.MAV_CMD_NAV_LOITER_UNLIM, (9, 9, -25.9, 9), (0, 0, -25, 0), id="LOITER_UNLIM"),
-        pytest.param(TO_ALT, (1, -40.5, 3, 0), (0, -40, 0, 0), id="LOITER_TO_ALT"),
-        pytest.param(SPLINE, (4.7, 1, 2, 3), (4, 0, 0, 0), id="SPLINE_WAYPOINT"),
-        pytest.param(DELAY, (5.5, 23, 59, -1), (5.5, 23, 59, -1), id="NAV_DELAY"),
-        pytest.param(YAW, (90.5, 10, -1, 1), (90.5, 10, -1, 1), id="CONDITION_YAW"),
-        pytest.param(DISTANCE, (12.5, 1, 1, 1), (12.5, 0, 0, 0), id="CONDITION_DISTANCE"),
-        pytest.param(mavlink.MAV_CMD_DO_SET_SERVO, (9, 1500, 3, 4), (9, 1500, 0, 0), id="DO_SET_SERVO"),
-        pytest.param(mavlink.MAV_CMD_DO_SET_RELAY, (1, 1, 3, 4), (1, 1, 0, 0), id="DO_SET_RELAY"),
-        pytest.param(
-            mavlink.MAV_CMD_DO_REPEAT_SERVO, (9, 1100, 4, 2.5), (9, 1100, 4, 2.5), id="REPEAT_SERVO"
-        ),
-        pytest.param(
-            mavlink.MAV_CMD_DO_MOUNT_CONTROL, (-45.5, 1, 2, 3), (-45.5, 1, 2, 0), id="MOUNT_CONTROL"
-        ),
-        pytest.param(
-            mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST, (7.5, 1, 1, 1), (7.5, 0, 1, 0), id="CAM_TRIGG_DIST"
-        ),
-        pytest.param(mavlink.MAV_CMD_DO_JUMP, (3.9, -1, 1, 1), (3, -1, 0, 0), id="DO_JUMP"),
-        pytest.param(mavlink.MAV_CMD_DO_FENCE_ENABLE, (1, 1, 1, 1), (1, 0, 0, 0), id="DO_FENCE_ENABLE"),
-        pytest.param(mavlink.MAV_CMD_DO_LAND_START, (1, 1, 1, 1), (0, 0, 0, 0), id="DO_LAND_START"),
-        pytest.param(mavlink.MAV_CMD_DO_SET_ROI, (3, 1, 1, 1), (3, 0, 0, 0), id="DO_SET_ROI"),
-        pytest.param(mavlink.MAV_CMD_IMAGE_START_CAPTURE, (0, 2.5, 3, 1), (0, 2.5, 3, 1), id="IMAGE_START"),
+        (TURNS, (3.9, 9, 300.0, 1), (3, 0, 300, 1)),
+        (TURNS, (0.5, 0, -12.7, 0), (0.5, 0, -12, 0)),
+        (TURNS, (300, 0, 1234.0, 0), (255, 0, 1230, 0)),
+        (mavlink.MAV_CMD_NAV_LOITER_UNLIM, (9, 9, -25.9, 9), (0, 0, -25, 0)),
+        (TO_ALT, (1, -40.5, 3, 0), (0, -40, 0, 0)),
+        (SPLINE, (4.7, 1, 2, 3), (4, 0, 0, 0)),
+        (DELAY, (5.5, 23, 59, -1), (5.5, 23, 59, -1)),
+        (YAW, (90.5, 10, -1, 1), (90.5, 10, -1, 1)),
+        (DISTANCE, (12.5, 1, 1, 1), (12.5, 0, 0, 0)),
+        (mavlink.MAV_CMD_DO_SET_SERVO, (9, 1500, 3, 4), (9, 1500, 0, 0)),
+        (mavlink.MAV_CMD_DO_SET_RELAY, (1, 1, 3, 4), (1, 1, 0, 0)),
+        (mavlink.MAV_CMD_DO_REPEAT_SERVO, (9, 1100, 4, 2.5), (9, 1100, 4, 2.5)),
+        (mavlink.MAV_CMD_DO_MOUNT_CONTROL, (-45.5, 1, 2, 3), (-45.5, 1, 2, 0)),
+        (mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST, (7.5, 1, 1, 1), (7.5, 0, 1, 0)),
+        (mavlink.MAV_CMD_DO_JUMP, (3.9, -1, 1, 1), (3, -1, 0, 0)),
+        (mavlink.MAV_CMD_DO_FENCE_ENABLE, (1, 1, 1, 1), (1, 0, 0, 0)),
+        (mavlink.MAV_CMD_DO_LAND_START, (1, 1, 1, 1), (0, 0, 0, 0)),
+        (mavlink.MAV_CMD_DO_SET_ROI, (3, 1, 1, 1), (3, 0, 0, 0)),
+        (mavlink.MAV_CMD_IMAGE_START_CAPTURE, (0, 2.5, 3, 1), (0, 2.5, 3, 1)),
     ],
 )
 def test_the_stored_form_of_items_on_ardupilot(

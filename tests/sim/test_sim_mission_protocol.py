@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, acks, home_item, land, takeoff, waypoint
+from station import LAT_DEG, LON_DEG, Station, acks, home_item, land, takeoff, waypoint
 
 JUMP, RTL = mavlink.MAV_CMD_DO_JUMP, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
 
@@ -12,6 +12,17 @@ JUMP, RTL = mavlink.MAV_CMD_DO_JUMP, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
 def mission(n: int) -> list[dict[str, Any]]:
     """Return n items: home, take-off and waypoints."""
     return [home_item(), takeoff(), *(waypoint(10.0 * i, 0) for i in range(2, n))]
+
+
+@pytest.mark.autopilots("2 item 0")
+def test_item_0_has_the_exact_position_and_the_altitude_of_home() -> None:
+    station = Station()
+    sent = mission(3)
+    sent[0] = waypoint(5000, 5000, 77.0)
+    assert station.upload(sent) == mavlink.MAV_MISSION_ACCEPTED
+    home = station.download()[0]
+    assert (home.x, home.y) == pytest.approx((LAT_DEG * 1e7, LON_DEG * 1e7), abs=1)
+    assert (home.frame, home.z) == (0, 300.0)
 
 
 @pytest.mark.autopilots("2 read-back")

@@ -93,3 +93,19 @@ def test_a_copter_without_gps_dead_reckons_drifts_and_loses_its_position() -> No
     assert world.gps.fix_type[0] == FIX
     physics_bench.wait(world, 40.0)
     assert off_m(world) < 0.5
+
+
+def test_estimated_and_true_positions_agree_with_the_map() -> None:
+    world, body = physics_bench.lone_copter()
+    world.gps.offset_m[0] = (3.0, 0.0, 0.0)
+    physics_bench.wait(world, 60.0)
+    lat_deg, lon_deg = world.geodetic()
+    estimated_lat_deg, estimated_lon_deg = world.estimated_geodetic()
+    assert body.lat_lon_deg == (estimated_lat_deg[0], estimated_lon_deg[0])
+    east_m = (lon_deg[0] - estimated_lon_deg[0]) * 111_320 * math.cos(math.radians(physics_bench.LAT_DEG))
+    assert east_m == pytest.approx(-3.0, abs=0.1)
+    assert lat_deg[0] == pytest.approx(estimated_lat_deg[0], abs=1e-6)
+    gps_lat_deg, gps_lon_deg = world.gps.geodetic()
+    assert (gps_lat_deg[0], gps_lon_deg[0]) == pytest.approx(
+        (estimated_lat_deg[0], estimated_lon_deg[0]), abs=1e-6
+    )

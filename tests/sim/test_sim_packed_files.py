@@ -24,10 +24,6 @@ FEW = [
 ]
 
 
-def decoded(content: bytes) -> Any:
-    return mavftp.MAVFTP.ftp_param_decode(content)
-
-
 def made(parameters: dict[str, tuple[float, float]]) -> list[Parameter]:
     same = [(name, v, type(v)(d)) for name, (v, d) in parameters.items()]
     return [Parameter(name, value, default) for name, value, default in same]
@@ -45,7 +41,7 @@ def test_pymavlink_reads_packed_parameters(
 ) -> None:
     """Names have any order and any common beginnings."""
     content = pack_parameters(made(parameters), "withdefaults=1" if defaults else "")
-    data = decoded(content)
+    data: Any = mavftp.MAVFTP.ftp_param_decode(content)
     assert {name.decode(): value for name, value, _ in data.params} == {
         name: value for name, (value, _) in parameters.items()
     }

@@ -101,6 +101,12 @@ def test_data_streams_are_unsupported() -> None:
 # -- modes -----------------------------------------------------------------------------------------------
 
 
+def test_acro_may_be_chosen_on_the_ground() -> None:
+    station = Px4Station()
+    assert station.set_mode("Acro") == ACCEPTED
+    assert station.mode == "Acro"
+
+
 def test_auto_without_a_sub_mode_is_mission_and_an_unknown_sub_mode_is_rejected() -> None:
     station = Px4Station()
     assert station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4) == ACCEPTED

@@ -5,7 +5,6 @@ The numbers are those of ArduCopter 4.6.2 in software-in-the-loop, for the same 
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import pytest
 from profiles import full_only
@@ -49,6 +48,18 @@ def flying(mode: str, height_m: float = 40.0) -> Station:
 
 
 # -- channels --------------------------------------------------------------------------------------------
+
+
+def test_rc_channels_shows_the_receiver_and_overrides_until_rc_override_time() -> None:
+    station = Station()
+    assert station.ask(mavlink.MAVLINK_MSG_ID_RC_CHANNELS).chancount == 8
+    assert channels(station) == RECEIVER
+    override(station, 1600, 1400, 1300, 1700)
+    assert channels(station) == [1600, 1400, 1300, 1700, *RECEIVER[4:]]
+    station.wait(2.8)
+    assert channels(station)[0] == 1600
+    station.wait(0.3)
+    assert channels(station) == RECEIVER
 
 
 @pytest.mark.full
@@ -250,16 +261,12 @@ def test_loiter_flies_by_the_sticks_brakes_and_holds(mode: str) -> None:
 # -- plane -----------------------------------------------------------------------------------------------
 
 
-def plane_attitude(station: Station) -> Any:
-    return station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE)
-
-
 def test_fbwb_banks_climbs_and_sets_the_airspeed() -> None:
     station = airborne_plane()
     override(station, *NEUTRAL)
     assert station.set_mode("FBWB") == 0
     hold(station, 5, 2000, 1500, 1500, 1500)
-    assert math.degrees(plane_attitude(station).roll) == pytest.approx(45, abs=1)
+    assert math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).roll) == pytest.approx(45, abs=1)
     hold(station, 6, 1500, 2000, 2000, 1500)
     hud = station.ask(mavlink.MAVLINK_MSG_ID_VFR_HUD)
     assert hud.climb == pytest.approx(2.0, abs=0.3)

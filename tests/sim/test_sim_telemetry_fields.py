@@ -78,11 +78,6 @@ def _station(personality: str, kind: str = "copter", wind_m_s: float = WIND_M_S)
     return make(kind, wind={"speed_m_s": wind_m_s, "from_deg": WIND_FROM_DEG})
 
 
-def _go(station: Station) -> None:
-    place = (round(GOAL_LAT_DEG * 1e7), round(GOAL_LON_DEG * 1e7), ALT_M + GOAL_HEIGHT_M)
-    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 0, *place, -1, 1, 0, NAN) == 0
-
-
 def _place_m(station: Station) -> tuple[float, float, float]:
     truth = station.fleet.truth()
     north_m = (truth.lat_deg[0] - LAT_DEG) * NORTH_M_DEG
@@ -96,7 +91,8 @@ class Flight:
         self.station = station = _station(personality)
         station.stream(mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, hz=10)
         station.fly(HEIGHT_M)
-        _go(station)
+        goal = (round(GOAL_LAT_DEG * 1e7), round(GOAL_LON_DEG * 1e7), ALT_M + GOAL_HEIGHT_M)
+        assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 0, *goal, -1, 1, 0, NAN) == 0
         station.wait(5.0)
         before_m = _place_m(station)
         station.wait(0.1)

@@ -7,9 +7,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import acks
 from transfer_station import (
+    CIRCLE,
     EXCLUDED,
     FENCE,
     MISSION,
+    POLYGON,
     RALLY,
     RALLY_POINT,
     Px4TransferStation,
@@ -114,6 +116,19 @@ def test_mission_set_current_reports_failures() -> None:
     station.count(2)
     station.set_current(1)
     assert station.texts() == ["WPM: WP CURR CMD: Not in list", "WPM: IGN WP CURR CMD: Busy"]
+
+
+@pytest.mark.autopilots("2 fence", of="px4")
+def test_a_fence_in_frame_3_is_read_back_in_frame_5() -> None:
+    station = Px4TransferStation()
+    circle = fields(4, CIRCLE, frame=3, param1=50.5)
+    assert station.upload([*square(frame=3), circle], FENCE) == ACCEPTED
+    kept = station.download(FENCE)
+    assert [(m.command, m.frame, m.param1, m.autocontinue) for m in kept] == [
+        *[(POLYGON, 5, 4.0, 0)] * 4,
+        (CIRCLE, 5, 50.5, 0),
+    ]
+    assert all(m.mission_type == FENCE for m in kept)
 
 
 @pytest.mark.autopilots("2 fence", of="px4")
