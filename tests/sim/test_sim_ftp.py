@@ -131,6 +131,11 @@ def test_a_repeated_request_gets_the_same_answer_and_acts_once(rules: FtpRules) 
     assert c.one(Opcode.CREATE_DIRECTORY, b"/disk/a", seq=8).error == FtpError.FILE_EXISTS
 
 
+@BOTH
+def test_the_sequence_number_wraps(rules: FtpRules) -> None:
+    assert client(rules).one(Opcode.NONE, seq=65535).seq == 0
+
+
 def test_px4_has_one_session_and_closes_an_idle_one() -> None:
     c = client(ftp.PX4)
     assert c.one(Opcode.READ_FILE, size=10).error == FtpError.INVALID_SESSION
